@@ -11,7 +11,7 @@ import yaml
 from cylinder_friction.recordings.conversion import NameRules
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
 from cylinder_friction.recordings.recording import RecordingError
@@ -71,29 +71,52 @@ def test_usual_names_are_understood_in_any_order(names: tuple[str, str, str, str
         ChannelMapping.from_dict(entry)
 
 
-def test_units_of_the_file_are_taken_and_missing_ones_guessed_with_alternatives() -> None:
-    values = {"t": 5.0 * np.arange(ROWS), "p1": 40.0 * STROKE, "p2": 30.0 * STROKE, "x": 0.2 * STROKE}
+P1, P2, X = 20 + STROKE, 9 + STROKE, 200 * STROKE
+PAIR = {"t": TIME, "p1": P1, "p2": P2, "x": X}
+TWO_CYLINDERS = {"t_s": TIME} | {
+    f"{name}_{channel}": number * values
+    for number, name in ((1, "main"), (2, "jib"))
+    for channel, values in (("pA_cyl_bar", P1), ("pB_cyl_bar", P2), ("x_m", 0.5 * STROKE))
+}
+CRANE = {"Name": 2000.0 * TIME, "JibPaDCV": 2 * P1, "JibPbDCV": 2 * P1, "JibXRef": 0.5 * STROKE, "Ps": 7 * P1}
+JIB, JIB_APART = ("JibPaCyl", "JibPbCyl", "JibPistonPosition"), ("Jib Pa Cyl", "Jib Pb Cyl", "Jib Piston Position")
+BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
+
+
+@pytest.mark.parametrize(
+    ("channels", "found", "words"),
+    [
+        (TWO_CYLINDERS, list(TWO_CYLINDERS)[:4], "AMBIGUOUS: main_pA_cyl_bar (values 20 to 21) or jib_pA_cyl_bar"),
+        (BY_ORDER, list(BY_ORDER), "CHECK: which side it is was guessed from the order"),
+        ({"t": TIME, "Force [N]": X, "pos [mm]": X}, ["t", "Force [N]", "pos [mm]"], "the force stands in"),
+        (PAIR | {"Load cell [kN]": X}, [*PAIR, "Load cell [kN]"], "it must be positive when it resists extension"),
+        *[(CRANE | dict(zip(each, (P1, P2, STROKE), strict=True)), ["Name", *each], "") for each in (JIB, JIB_APART)],
+        ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "NOT FOUND: name the channel"),
+        ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "#   y: values 0 to 1"),
+    ],
+)
+def test_columns_are_found_and_doubts_marked(channels: dict[str, Any], found: list[str], words: str) -> None:
+    """The ports of a crane's PLC are Pa and Pb, at the cylinder and at the valve."""
+    text = text_of(channels)
+    assert list(names_of(text).values()) == found
+    assert words in text
+
+
+def test_units_are_taken_from_the_file_or_guessed_and_signals_get_a_sensor_to_fill_in() -> None:
+    values = {"t": 1e3 * TIME, "p1": 40.0 * STROKE, "p2": 30.0 * STROKE, "x": 0.2 * STROKE}
     text = text_of(values, {"p1": "MPa"})
-    units = {column: entry["unit"] for column, entry in channels_of(text).items()}
-    assert units == {"time_s": "ms", "pressure_1_pa": "MPa", "pressure_2_pa": "MPa", "position_m": "m"}
+    assert [entry["unit"] for entry in channels_of(text).values()] == ["ms", "MPa", "MPa", "m"]
     assert "unit MPa from the file" in comment_of(text, "pressure_1_pa")
     assert "values 0 to 30 fit MPa" in comment_of(text, "pressure_2_pa")
     assert "CHECK: the unit is stated nowhere; bar or psi would fit too" in comment_of(text, "pressure_2_pa")
+    text = text_of(values, {"p1": "V", "p2": "mA"})
+    one, other = (ChannelMapping.from_dict(channels_of(text)[f"pressure_{side}_pa"]).sensor for side in (1, 2))
+    assert one == SensorScale((0, 1), "bar", (0, 10))
+    assert other == SensorScale((0, 1), "bar", (4, 20))
+    assert "NOT FOUND: the sensor's range" in comment_of(text, "pressure_1_pa")
 
 
-def test_two_cylinders_in_one_file_stay_apart_and_are_marked() -> None:
-    channels = {"t_s": TIME}
-    for number, cylinder in enumerate(("main", "jib"), start=1):
-        for channel, values in (("pA_cyl_bar", 20 + STROKE), ("pB_cyl_bar", 9 + STROKE), ("x_m", 0.5 * STROKE)):
-            channels[f"{cylinder}_{channel}"] = number * values
-    text = text_of(channels)
-    found = names_of(text)
-    assert {name.split("_")[0] for column, name in found.items() if column != "time_s"} == {"main"}
-    assert "AMBIGUOUS: main_pA_cyl_bar (values 20 to 21) or jib_pA_cyl_bar (values 40 to 42)" in text
-    assert "AMBIGUOUS: main_x_m (values 0 to 0.5) or jib_x_m" in text
-
-
-MEASURED = {"p1 [bar]": 20 + STROKE, "p2 [bar]": 9 + STROKE, "x [mm]": 200 * STROKE}
+MEASURED = {"p1 [bar]": P1, "p2 [bar]": P2, "x [mm]": X}
 TEXT = np.array(["soon"] * ROWS, dtype=object)
 
 
@@ -114,18 +137,24 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
 
 
 @pytest.mark.parametrize(
-    ("clocks", "channel", "unit"),
+    ("clocks", "given", "entry"),
     [
-        ({"Sample": np.arange(ROWS), "Time": TIME}, "Time", "s"),
-        ({"Sample": np.arange(ROWS), "t [ms]": np.arange(ROWS)}, "t [ms]", "ms"),
-        ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "ElapsedTicks", "100ns"),
-        ({"ticks": 5 * np.arange(ROWS)}, "ticks", "ms"),
-        ({"Time": np.round(TIME, 1), "flow": STROKE}, "Time", "s"),
+        ({"Sample": np.arange(ROWS), "Time": TIME}, "", {"channel": "Time", "unit": "s"}),
+        ({"Sample": np.arange(ROWS), "t [ms]": np.arange(ROWS)}, "", {"channel": "t [ms]", "unit": "ms"}),
+        ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "", {"channel": "ElapsedTicks", "unit": "100ns"}),
+        ({"ticks": 5 * np.arange(ROWS)}, "", {"channel": "ticks", "unit": "ms"}),
+        ({"Time": np.round(TIME, 1), "flow": STROKE}, "", {"channel": "Time", "unit": "s"}),
+        ({"Time": np.arange(ROWS)}, "ms", {"channel": "Time", "unit": "ms"}),
+        ({"column_1": np.arange(ROWS)}, "ms", {"channel": "NOT FOUND", "unit": "s"}),
+        ({"column_1": np.arange(ROWS)}, "200Hz", {"rate_hz": 200}),
+        ({"column_1": np.arange(ROWS)}, "1 kHz", {"rate_hz": 1000}),
     ],
 )
-def test_a_clock_is_told_from_a_count(clocks: dict[str, Any], channel: str, unit: str) -> None:
-    found = channels_of(text_of(clocks | MEASURED))["time_s"]
-    assert (found["channel"], found["unit"]) == (channel, unit)
+def test_a_clock_is_told_from_a_count(clocks: dict[str, Any], given: str, entry: dict[str, Any]) -> None:
+    """What steps by 1 is time if its name and a given unit state it; a given rate takes the place of a clock."""
+    table = LoggedTable(pd.DataFrame(clocks | MEASURED))
+    guess = guess_mapping([table], PATH, units={"time": given} if given else None)
+    assert channels_of(mapping_yaml(guess))["time_s"] == entry
 
 
 def test_one_row_per_value_is_named_with_its_pivot() -> None:
@@ -138,55 +167,11 @@ def test_one_row_per_value_is_named_with_its_pivot() -> None:
         guess_mapping([LoggedTable(table)], PATH)
 
 
-def test_what_steps_by_one_is_time_if_its_name_and_a_given_unit_state_it() -> None:
-    tables = [LoggedTable(pd.DataFrame({name: np.arange(ROWS)} | MEASURED)) for name in ("Time", "column_1")]
-    named, unnamed = (guess_mapping([table], PATH, units={"time": "ms"}).columns["time_s"] for table in tables)
-    assert (named.known, named.unit, unnamed.known) == (True, "ms", False)
-
-
-@pytest.mark.parametrize(("given", "rate_hz"), [("200Hz", 200), ("1 kHz", 1000)])
-def test_a_given_rate_takes_the_place_of_a_clock(given: str, rate_hz: float) -> None:
-    table = LoggedTable(pd.DataFrame({"column_1": np.arange(ROWS)} | MEASURED))
-    guess = guess_mapping([table], PATH, units={"time": given})
-    assert channels_of(mapping_yaml(guess))["time_s"] == {"rate_hz": rate_hz}
-
-
 def test_a_position_in_percent_is_one_of_the_stroke() -> None:
     found = channels_of(text_of({"t": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE, "position [%]": 100 * STROKE}))
     assert found["position_m"] == {"channel": "position [%]", "unit": "%"}
     mapped = ChannelMapping.from_dict(found["position_m"]).for_stroke("position_m", 0.25)
     np.testing.assert_allclose(mapped.column_values(np.array([0.0, 30.0, 100.0]), "position_m"), [0.0, 0.075, 0.25])
-
-
-def test_what_is_not_there_is_marked_and_all_channels_are_listed() -> None:
-    text = text_of({"column_1": 10.0 * np.arange(ROWS), "column_2": STROKE, "column_3": 3.0 * STROKE})
-    columns = ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")
-    assert names_of(text) == dict(zip(columns, ("column_1", *["NOT FOUND"] * 3), strict=True))
-    assert "# NOT FOUND: name the channel" in comment_of(text, "pressure_1_pa")
-    assert "#   column_3: values 0 to 3" in text
-
-
-def test_pressures_that_do_not_say_their_side_are_taken_in_order_and_marked() -> None:
-    text = text_of({"t": TIME, "AI0 [bar]": 20 + STROKE, "AI1 [bar]": 9 + STROKE, "AI2 [mm]": 200 * STROKE})
-    assert list(names_of(text).values()) == ["t", "AI0 [bar]", "AI1 [bar]", "AI2 [mm]"]
-    assert "CHECK: which side it is was guessed from the order" in comment_of(text, "pressure_1_pa")
-
-
-def test_a_force_stands_in_where_there_is_no_pressure_and_is_a_load_where_there_is() -> None:
-    alone = names_of(text_of({"t": TIME, "Force [N]": 300 * STROKE, "pos [mm]": 200 * STROKE}))
-    assert alone == {"time_s": "t", "drive_force_n": "Force [N]", "position_m": "pos [mm]"}
-    both = {"t": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE, "x": 200 * STROKE, "Load cell [kN]": STROKE}
-    assert names_of(text_of(both))["load_force_n"] == "Load cell [kN]"
-
-
-def test_electrical_signals_get_a_sensor_to_fill_in() -> None:
-    text = text_of({"t": TIME, "p1 [V]": STROKE, "p2 [mA]": 4 + STROKE, "x [mm]": 200 * STROKE})
-    found = channels_of(text)
-    assert found["pressure_1_pa"]["sensor"] == {"range": [0, 1], "unit": "bar", "signal": [0, 10]}
-    assert found["pressure_2_pa"]["sensor"]["signal"] == [4, 20]
-    assert "NOT FOUND: the sensor's range" in comment_of(text, "pressure_1_pa")
-    for entry in found.values():
-        ChannelMapping.from_dict(entry)
 
 
 def test_a_table_is_named_where_a_channel_is_in_several() -> None:
@@ -196,16 +181,6 @@ def test_a_table_is_named_where_a_channel_is_in_several() -> None:
     assert found["time_s"] == {"channel": "Name", "unit": "s"}
     assert found["pressure_1_pa"] == {"channel": "p1", "unit": "bar", "table": "group 1"}
     assert found["position_m"] == {"channel": "x", "unit": "mm"}
-
-
-@pytest.mark.parametrize(
-    "names", [("JibPaCyl", "JibPbCyl", "JibPistonPosition"), ("Jib Pa Cyl", "Jib Pb Cyl", "Jib Piston Position")]
-)
-def test_the_ports_of_a_crane_s_plc(names: tuple[str, str, str]) -> None:
-    columns = dict(zip(names, (43 + STROKE, 79 + STROKE, 0.5 * STROKE), strict=True))
-    others = {"JibPaDCV": 47 + STROKE, "JibPbDCV": 47 + STROKE, "JibXRef": 0.5 * STROKE, "Ps": 150 + STROKE}
-    found = names_of(text_of({"Name": 10.0 * np.arange(ROWS), **others, **columns}))
-    assert found == dict(zip(("time_s", "pressure_1_pa", "pressure_2_pa", "position_m"), ("Name", *names), strict=True))
 
 
 def test_the_pattern_of_names_finds_condition_and_session() -> None:

@@ -1,4 +1,5 @@
 import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -129,28 +130,25 @@ def test_a_start_in_the_future_is_not_stated() -> None:
 RATE = MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)}
 
 
+LOST = 5.0 * np.delete(np.arange(42), [20, 21])
+DATES = pd.Timestamp("2026-03-14") + pd.to_timedelta(20 * ROWS, "ms")
+
+
 @pytest.mark.parametrize(
     ("name", "stamps", "unit", "logged_hz"),
     [
         ("Zeit", 10.0 * ROWS, "", "100"),
         ("Time [s]", 0.01 * ROWS, "s", "100"),
-        ("Datum", pd.Timestamp("2026-03-14") + pd.to_timedelta(20 * ROWS, "ms"), "", "50"),
+        ("Datum", DATES, "", "50"),
+        *[("t", stamps, "", "") for stamps in (LOST, ROWS, 50000 * ROWS + 10**15)],
     ],
 )
 def test_a_rate_is_refused_if_time_contradicts(name: str, stamps: Any, unit: str, logged_hz: str) -> None:
+    """A time of that rate, and a count of samples or ticks, contradict no rate."""
     columns = {name: stamps, "a": np.ones(40), "b": np.ones(40), "x": np.zeros(40)}
     words = f"two clocks, the stated rate with 200 Hz and {name!r} with {logged_hz} Hz, and no column is stamped by"
-    with pytest.raises(RecordingError, match=re.escape(words)):
+    with pytest.raises(RecordingError, match=re.escape(words)) if logged_hz else nullcontext():
         map_signals([LoggedTable(pd.DataFrame(columns), {name: unit} if unit else {})], RATE)
-
-
-LOST = 5.0 * np.delete(np.arange(200), [50, 51])
-
-
-@pytest.mark.parametrize("stamps", [LOST, np.arange(198), 50000 * np.arange(198) + 10**15])
-def test_a_time_of_that_rate_and_a_count_of_samples_or_ticks_contradict_no_rate(stamps: Any) -> None:
-    columns = {"t": stamps, "a": np.ones(198), "b": np.ones(198), "x": np.zeros(198)}
-    assert len(map_signals([LoggedTable(pd.DataFrame(columns))], RATE).signals["position_m"].values) == 198
 
 
 def ending(rows: int, of: int = 2000, **more: Any) -> LoggedTable:
