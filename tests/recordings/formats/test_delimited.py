@@ -25,22 +25,32 @@ def read(tmp_path: Path):  # type: ignore[no-untyped-def]
 
 
 TWO = {"t": [0.0, 0.5], "p": [1.5, 2.5]}
+ROWS = "0,1.5\n0.5,2.5\n"
+LABVIEW = (
+    "LabVIEW Measurement\nSeparator,Comma\nDecimal_Separator,.\n***End_of_Header***\n\nChannels,2\nSamples,2,2\n"
+    "X0,0.0,0.0\n***End_of_Header***\nt,p,Comment\n"
+)
 
 
 @pytest.mark.parametrize(
     "content",
     [
-        "t,p\n0,1.5\n0.5,2.5\n",
+        "t,p\n" + ROWS,
         "t;p\r\n0;1,5\r\n0,5;2,5\r\n",
         "t\tp\r0\t1.5\r0.5\t2.5\r",
         "  t    p\n  0.0   1.5\n  0.5   2.5  \n",
         "t, p\n0, +1.5\n.5, 2.5E0\n",
         "t,p\n0,1.5,\n0.5,2.5,\n",
         "\n\nt,p\n\n0,1.5\n\n0.5,2.5\n\n\n",
-        "\ufefft,p\n0,1.5\n0.5,2.5\n",
-        "t,p\n0,1.5\n0.5,2.5\n".encode("utf-16"),
+        "\ufefft,p\n" + ROWS,
+        ("t,p\n" + ROWS).encode("utf-16"),
         b"\xff\xfe" + "t;p\r\n0;1,5\r\n0,5;2,5\r\n".encode("utf-16-le"),
         gzip.compress(b"t,p\n0,1.5\n0.5,2.5\n", mtime=0),
+        "# logger 7\n# serial 123, bench 2\nt,p\n" + ROWS,
+        "# t, p\n" + ROWS,
+        "Logger: X200\nStart: 2026-03-14 08:15:00\nRate [Hz]: 2\n\nt,p\n" + ROWS,
+        LABVIEW + ROWS,
+        "HBM_CATMAN 5.0\nT0=08:15\nt,p\ns,bar\n" + ROWS,
     ],
 )
 def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # type: ignore[no-untyped-def]
@@ -49,19 +59,7 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
     assert table.notes == ()
 
 
-PREAMBLES = {
-    "comments": "# logger 7\n# serial 123, bench 2\nt,p\n",
-    "commented names": "# t, p\n",
-    "keys and values": "Logger: X200\nStart: 2026-03-14 08:15:00\nRate [Hz]: 2\n\nt,p\n",
-    "LabVIEW": "LabVIEW Measurement\nSeparator,Comma\nDecimal_Separator,.\n***End_of_Header***\n\n"
-    "Channels,2\nSamples,2,2\nX0,0.0,0.0\n***End_of_Header***\nt,p,Comment\n",
-    "HBM": "HBM_CATMAN 5.0\nT0=08:15\nt,p\ns,bar\n",
-}
-
-
-@pytest.mark.parametrize("preamble", PREAMBLES.values(), ids=PREAMBLES)
-def test_what_a_logger_says_above_the_names_is_skipped(read, preamble: str) -> None:  # type: ignore[no-untyped-def]
-    assert read(preamble + "0,1.5\n0.5,2.5\n").channels.to_dict("list") == TWO
+DATE_FORMS = ["dd.mm.yyyy hh:mm:ss", "dd.mm.yyyy hh:mm:ss.000", "TT.MM.JJJJ hh:mm:ss", "HH:mm:ss"]
 
 
 @pytest.mark.parametrize(
@@ -74,10 +72,12 @@ def test_what_a_logger_says_above_the_names_is_skipped(read, preamble: str) -> N
         ("t,P1,x\n[s],[bar],", {"t": "s", "P1": "bar"}),
         ("t,P1,x\n(s),(bar),(°C)\nclock,piston,oil", {"t": "s", "P1": "bar", "x": "°C"}),
         ("t,P1,x", {}),
+        *[(f"t,P1,x\n{form},bar,mm", {"P1": "bar", "x": "mm"}) for form in DATE_FORMS],
     ],
 )
 def test_units_of_the_header(read, header: str, units: dict[str, str]) -> None:  # type: ignore[no-untyped-def]
-    table = read(f"{header}\n0,1,2\n1,3,4\n")
+    """A line of units may state how dates are written."""
+    table = read(header + "\n" + "".join(f"26.03.2026 08:15:0{row},1,2\n" for row in range(6)))
     assert table.units == units
     assert list(table.channels.columns) == header.split("\n", maxsplit=1)[0].split(",")
 
@@ -200,13 +200,3 @@ def test_names_and_units_of_repeated_time_columns(tmp_path: Path) -> None:
         ["Channel name", "Position"],
     )
     assert one.units == {"Piston pressure": "bar", "Position": "mm"}
-
-
-@pytest.mark.parametrize(
-    "pattern", ["dd.mm.yyyy hh:mm:ss", "dd.mm.yyyy hh:mm:ss,000", "TT.MM.JJJJ hh:mm:ss", "HH:mm:ss"]
-)
-def test_a_line_of_units_may_say_how_dates_are_written(read, pattern: str) -> None:  # type: ignore[no-untyped-def]
-    rows = "".join(f"26.03.2026 08:15:0{second},500;{second},25;7,5\n" for second in range(6))
-    table = read(f"Zeit;Druck A;Weg\n{pattern};bar;mm\n{rows}")
-    assert list(table.channels) == ["Zeit", "Druck A", "Weg"]
-    assert table.units == {"Druck A": "bar", "Weg": "mm"}
