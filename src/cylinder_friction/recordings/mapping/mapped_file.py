@@ -19,7 +19,7 @@ from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.guessing import ChannelFacts, clocks_of
 from cylinder_friction.recordings.recording import RecordingError, Signal, Start
-from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
+from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 
 RATE_AGREES = 0.05  # Largest difference of a stated rate from a time channel's, as a share: stamps are rounded or lost
 TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # Possible units of a time channel without a stated unit [s]
@@ -57,9 +57,12 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         column: replace(source, channel=next((name for name in source.names if name in there), source.channel))
         for column, source in mapping.items()
     }
-    columns = [column for column in mapping if column != TIME]
-    places = {name: _find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
-    clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
+    places = {
+        column: _find_channel(tables, source.channel, source.table, column)
+        for column, source in mapping.items()
+        if column != TIME
+    }
+    clocks = {column: _clock(tables, place, column, mapping) for column, place in places.items()}
     rated = sorted({clock.table for clock in clocks.values() if not clock.channel})
     if len({len(tables[index].channels) for index in rated}) > 1:
         lengths = ", ".join(f"{tables[index].name!r} has {len(tables[index].channels)}" for index in rated)
@@ -67,15 +70,14 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
             f"tables of different lengths cannot all be at time_s.rate_hz = {mapping[TIME].rate_hz:g} Hz: {lengths} "
             "rows; name the time channel of each as channels.<column>.time"
         )
-    stamps = _stamps(tables, clocks, mapping)
+    stamps, start = _stamps(tables, clocks, mapping)
     _refuse_two_clocks(tables, stamps)
     notes = [note for index in sorted(set(places.values())) for note in tables[index].notes]
     signals = {}
-    for column in columns:
-        source, table = mapping[column], tables[places[column]]
-        _check_stated_unit(table, column, source)
-        raw = _numbers(table.channels[source.channel], source.channel, column, source.unit)
-        time_s = stamps[clocks[column]]
+    for column, place in places.items():
+        source, time_s = mapping[column], stamps[clocks[column]]
+        _check_stated_unit(tables[place], column, source)
+        raw = _numbers(tables[place].channels[source.channel], source.channel, column, source.unit)
         if len(time_s) != len(raw):
             raise RecordingError(
                 f"channel {source.channel!r} (for {column!r}) has {len(raw)} rows, but its time channel "
@@ -84,23 +86,10 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
     notes += _take_delays(signals, mapping)
-    start = _start(tables, stamps)
     if start is not None and is_future(start.at):
         notes.append(f"its clock started in the future, {start.text()} ({start.source}); when it was made is not known")
         start = None
     return MappedFile(signals, tuple(notes), start)
-
-
-def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Start | None:
-    """Find when the clock of a file was at 0 s, from its time stamps, or else from its other content."""
-    for clock, time_s in stamps.items():
-        table = tables[clock.table]
-        raw = table.channels[clock.channel] if clock.channel else None
-        if raw is not None and raw.dtype.kind == "M" and (known := np.isfinite(time_s)).any():
-            row = int(known.argmax())
-            at = stamps_to_datetimes(raw.iloc[row : row + 1])[0]
-            return Start(at, table.utc, f"time stamps of {clock.channel!r}", dated_rows=True).after(-float(time_s[row]))
-    return next((tables[clock.table].start for clock in stamps if tables[clock.table].start is not None), None)
 
 
 def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
@@ -204,8 +193,11 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
 
 def _stamps(
     tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], mapping: Mapping[str, ChannelMapping]
-) -> dict[_Clock, Array]:
-    """Convert each clock to seconds once; the dates of one file count from the earliest of them."""
+) -> tuple[dict[_Clock, Array], Start | None]:
+    """Convert each clock to seconds once; the dates of one file count from the earliest of them.
+
+    Also find when the file's clock was at 0 s, from its dates, or else from its other content.
+    """
     time = mapping[TIME]
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
@@ -216,7 +208,12 @@ def _stamps(
             f"time channel {next(iter(dates)).channel!r} holds dates, but {others or 'the rate'} does not; "
             "expected one kind of time in a file, or nobody knows how they lie to each other"
         )
-    origin = min((stamps.min() for stamps in dates.values() if stamps.notna().any()), default=None)
+    known = {clock: stamps.min() for clock, stamps in dates.items() if stamps.notna().any()}
+    origin = min(known.values(), default=None)
+    start = next((tables[clock.table].start for clock in columns if tables[clock.table].start is not None), None)
+    if origin is not None:
+        first, at = next(iter(known)), origin.to_datetime64().astype("datetime64[ns]")
+        start = Start(at, tables[first.table].utc, f"time stamps of {first.channel!r}", dated_rows=True)
     stamps_s = {}
     for clock, column in columns.items():
         if clock in dates:
@@ -226,7 +223,7 @@ def _stamps(
         else:
             assert time.rate_hz is not None
             stamps_s[clock] = np.arange(len(tables[clock.table].channels)) / time.rate_hz
-    return stamps_s
+    return stamps_s, start
 
 
 def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
