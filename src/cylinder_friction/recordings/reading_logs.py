@@ -23,9 +23,8 @@ from cylinder_friction.recordings.ingesting import (
     overlaps_in_words,
     recordings_of,
 )
-from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
+from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping, check_unit, stated_rate
 from cylinder_friction.recordings.mapping.guessing import GuessedMapping, channel_lines, guess_mapping, refuse_unknown
-from cylinder_friction.recordings.mapping.units import check_unit, stated_rate
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 _PACKAGE = Path(__file__).parents[1]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.recordings.columns import QUANTITIES
-from cylinder_friction.recordings.mapping.units import to_column_unit, units_agree
+from cylinder_friction.recordings.mapping.channel_mapping import to_column_unit, units_agree
 from cylinder_friction.recordings.recording import RecordingError
 
 OWN = {"time": "s", "pressure": "Pa", "length": "m", "force": "N", "temperature": "°C"}

@@ -16,8 +16,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.format import Column, LoggedTable
+from cylinder_friction.recordings.mapping.channel_mapping import conversion, names_a_unit
 from cylinder_friction.recordings.mapping.channel_words import words_of
-from cylinder_friction.recordings.mapping.units import conversion, names_a_unit
 from cylinder_friction.recordings.recording import RecordingError, Start
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 

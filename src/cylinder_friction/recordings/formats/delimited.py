@@ -40,7 +40,7 @@ from cylinder_friction.recordings.formats.format import (
     named_columns,
     open_text,
 )
-from cylinder_friction.recordings.mapping.units import KNOWN, unit_in_name
+from cylinder_friction.recordings.mapping.channel_mapping import KNOWN, unit_in_name
 from cylinder_friction.recordings.recording import RecordingError, Start
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")

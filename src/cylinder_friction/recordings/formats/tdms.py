@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cylinder_friction.recordings.formats.cells import steps_of, way_of
 from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of, unit_among
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
+from cylinder_friction.recordings.mapping.channel_mapping import quantity_of
 from cylinder_friction.recordings.mapping.channel_words import words_of
-from cylinder_friction.recordings.mapping.units import quantity_of
 from cylinder_friction.recordings.recording import Start
 
 FIRST_ROWS = 256

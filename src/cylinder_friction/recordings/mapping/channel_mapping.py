@@ -1,19 +1,218 @@
-"""Map a logger's channels to the columns of a recording, with unit, sensor, sign and offset."""
+"""Map a logger's channels to the columns of a recording, with unit, sensor, sign and offset.
+
+Loggers' units (``[Bar]``, ``degC``, ``kp/cm²``, ``barg``) are converted to SI units, gauge pressure and °C.
+"""
 
 import itertools
 import math
+import re
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from functools import cache
+from typing import Any, Literal, Self
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import ONE_CHAMBER
-from cylinder_friction.recordings.columns import PRESSURE_2, PRESSURES, QUANTITIES, TIME
+from cylinder_friction.recordings.columns import POSITION, PRESSURE_2, PRESSURES, QUANTITIES, TIME
 from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
-from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect, missing_columns
+
+STANDARD_ATMOSPHERE_PA = 101325.0
+"""Absolute less gauge pressure [Pa] (ISO 2533). The weather's ±3 kPa remain as an error of the zero."""
+
+_SPELLINGS: dict[str, dict[float | tuple[float, float], str]] = {
+    "time": {
+        1.0: "s sec secs second seconds sek sekunde sekunden", 1e-3: "ms msec", 1e-6: "us μs usec", 1e-9: "ns",
+        1e-7: "100ns ticks", 60.0: "min minute minutes minuten", 3600.0: "h hr hour hours std", 86400.0: "d day",
+    },
+    "pressure": {
+        1.0: "Pa N/m2", 1e3: "kPa kN/m2", 1e6: "MPa N/mm2", 1e5: "bar", 1e2: "mbar hPa",
+        6894.757293168362: "psi lbf/in2 lb/in2", 6894757.293168361: "ksi",
+        98066.5: "kgf/cm2 kg/cm2 kp/cm2 at", 101325.0: "atm",
+    },
+    "length": {
+        1.0: "m meter metre", 1e-3: "mm", 1e-2: "cm", 1e-6: "um μm micron",
+        0.0254: "in inch inches zoll", 0.3048: "ft", 2.54e-5: "mil thou",
+    },
+    # A load cell may display the mass that hangs on it; the force is its weight.
+    "force": {
+        1.0: "N newton", 1e-6: "uN μN", 10.0: "daN", 1e3: "kN",
+        4.4482216152605: "lbf lb lbs", 4448.2216152605: "kip kips",
+        9.80665: "kgf kp kg", 9806.65: "tf t",
+    },
+    "temperature": {
+        1.0: "°C degC gradC C celsius", (1.0, -273.15): "K kelvin", (5.0 / 9.0, -160.0 / 9.0): "°F degF F fahrenheit",
+    },
+}  # fmt: skip
+"""Spellings of the units of each quantity, separated by blanks, by their factor (and offset) to the column's unit.
+
+Upper and lower case are equivalent, and so are ``cm²``, ``cm2`` and ``cm^2``.
+"""
+_CONVERSIONS = {
+    quantity: {
+        name.casefold(): scale if isinstance(scale, tuple) else (scale, 0.0)
+        for scale, names in spellings.items()
+        for name in names.split()
+    }
+    for quantity, spellings in _SPELLINGS.items()
+}
+
+_SIGNALS = {
+    "V": "V volt volts", "mV": "mV", "mA": "mA", "μA": "μA uA", "%": "%",
+    "count": "count counts cnt cnts digit digits lsb raw inc increments",
+}  # fmt: skip
+ELECTRICAL = {name.casefold(): signal for signal, names in _SIGNALS.items() for name in names.split()}
+"""Electrical signals, which need the sensor's range. A is left out, because it often names a port."""
+
+OTHER_QUANTITIES = {
+    "m/s", "mm/s", "cm/s", "in/s", "m/s2", "mm/s2", "m/min", "l/min", "lpm", "gpm", "l/s", "m3/s", "cm3/s", "mm2/s",
+    "rpm", "1/min", "u/min", "rad/s", "°/s", "rad", "deg", "°", "%", "nm", "n·m", "n*m", "w", "kw", "hz", "khz", "a",
+}  # fmt: skip
+"""Units of other quantities that loggers record, in lower case."""
+
+_RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/s 1/s min-1 J ohm Ω m³/s cm³/s bit bits -"
+KNOWN = frozenset().union(*_CONVERSIONS.values(), ELECTRICAL, OTHER_QUANTITIES, _RARE.casefold().split())
+"""All known units, in lower case."""
+
+_PORTS = frozenset("ABCFGHKPTXY")
+"""Single letters that more probably name a port or an axis than a unit: 'pressure (A)'."""
+_IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\]$")
+_IN_PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\(\s*(?P<unit>[^()]*?)\s*\)$")
+_DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) )(?P<unit>\S+)$")
+_BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
+_REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute?)|g|gauge|rel|relativ|ü)\.?\)?", re.I)
+
+
+@cache
+def bare(unit: str) -> str:
+    """Strip brackets, quotes and blanks from a unit, and replace ``cm²`` by ``cm2`` and ``℃`` by ``°C``."""
+    text = unicodedata.normalize("NFKC", unit).strip().strip("\"'").strip()
+    while len(text) > 1 and _BRACKETS.get(text[0]) == text[-1]:
+        text = text[1:-1].strip()
+    return text
+
+
+def _squeezed(text: str) -> str:
+    return "".join(text.split()).casefold().replace("^", "").replace("**", "")
+
+
+def electrical(unit: str) -> str | None:
+    """Return V, mV, mA, μA, count or % if a unit is a sensor's signal; else None."""
+    return ELECTRICAL.get(_squeezed(bare(unit)))
+
+
+def of_stroke(column: str, unit: str) -> bool:
+    """Check whether a column is a percentage of the stroke."""
+    return column == POSITION and electrical(unit) == "%"
+
+
+@cache
+def conversion(unit: str, quantity: str) -> tuple[float, float] | None:
+    """Look up scale and offset to the column's unit; None if the unit does not measure this quantity."""
+    text, known = bare(unit), _CONVERSIONS[quantity]
+    found = known.get(_squeezed(text))
+    if found is None and quantity == "pressure" and (match := _REFERENCE.fullmatch(text)):
+        return known.get(_squeezed(match["unit"]))
+    return found
+
+
+@cache
+def quantity_of(unit: str) -> str | None:
+    """Find the quantity of a recording that a unit measures; None if there is none."""
+    return next((quantity for quantity in _CONVERSIONS if conversion(unit, quantity) is not None), None)
+
+
+@cache
+def stated_reference(unit: str) -> Literal["gauge", "absolute"] | None:
+    """Read the reference that a unit of pressure includes: ``bara``, ``psi(g)``; None if it includes none."""
+    text, known = bare(unit), _CONVERSIONS["pressure"]
+    match = _REFERENCE.fullmatch(text)
+    if _squeezed(text) in known or match is None or _squeezed(match["unit"]) not in known:
+        return None
+    return "absolute" if match["absolute"] else "gauge"
+
+
+def stated_rate(unit: str) -> float | None:
+    """Read a rate that is given in place of a unit of time, such as ``200 Hz`` [Hz]; None for a unit."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?)hz", unit.strip(), re.IGNORECASE)
+    return float(match[1]) * (1e3 if match[2] else 1.0) if match else None
+
+
+def unit_in_name(name: str) -> str | None:
+    """Find the unit in a header cell; None without one.
+
+    Text in square brackets is a unit, unless it is an index such as ``axis[1]``. Text in parentheses or after a slash
+    may be a remark, and is a unit only if it is known.
+    """
+    match = _IN_BRACKETS.match(name)
+    if match and match["unit"] and not match["unit"].isdigit():
+        return match["unit"]
+    for pattern in (_IN_PARENTHESES, _DIVIDED):
+        match = pattern.match(name)
+        if match and match["unit"].casefold() in KNOWN and match["unit"].upper() not in _PORTS:
+            return match["unit"]
+    return None
+
+
+def names_a_unit(text: str) -> bool:
+    """Check whether text in a header is meant as a unit; a single capital often names a port, and ``rod`` a side."""
+    text = bare(text)
+    if len(text) == 1 and text in _PORTS:
+        return False
+    return electrical(text) is not None or quantity_of(text) is not None or text.casefold() in OTHER_QUANTITIES
+
+
+def check_unit(column: str, unit: str) -> tuple[float, float]:
+    """Return scale and offset to the column's unit; refuse a unit that is unknown or of another quantity."""
+    wanted = QUANTITIES[column]
+    if wanted == "pressure" and bare(unit) == "mPa":
+        raise RecordingError(f"column {column!r}: unit {unit!r} is millipascal; write MPa for megapascal")
+    if (found := conversion(unit, wanted)) is not None:
+        return found
+    if electrical(unit) is not None:
+        raise RecordingError(
+            f"column {column!r}: unit {unit!r} is a sensor's electrical signal, but the column holds a {wanted}; "
+            "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
+        )
+    measured = quantity_of(unit)
+    problem = "is not known" if measured is None else f"measures {measured}, but the column holds a {wanted}"
+    usual = ", ".join(names.split()[0] for names in _SPELLINGS[wanted].values())
+    raise RecordingError(f"column {column!r}: unit {unit!r} {problem}; expected one of {usual}")
+
+
+def to_column_unit(values: Array, unit: str, column: str) -> Array:
+    """Convert values in ``unit`` to the column's unit; return values already in that unit unchanged.
+
+    Temperatures are converted with their zero: 32 °F is 0 °C. Raises as ``check_unit``.
+    """
+    scale, offset = check_unit(column, unit)
+    scaled = values if scale == 1.0 else values * scale
+    return scaled if offset == 0.0 else scaled + offset
+
+
+def column_scale(column: str, unit: str) -> float:
+    """Return the factor from ``unit`` to the column's unit for differences: 1 °F is 5/9 °C."""
+    return check_unit(column, unit)[0]
+
+
+@cache
+def units_agree(stated: str, configured: str) -> bool:
+    """Check whether the unit that a file states for a channel agrees with the configured unit.
+
+    Spelling does not matter (``[Bar]`` and ``bar`` agree), nor does the reference of a pressure. Text that is not a
+    known unit (``rod side``, ``A``, ``-``) contradicts nothing.
+    """
+    quantity, signal = quantity_of(configured), electrical(configured)
+    if bare(stated) == bare(configured) or not names_a_unit(stated) or (quantity is None and signal is None):
+        return True
+    if signal is not None or quantity is None:
+        plain = {signal, electrical(stated)} == {"count", "%"}  # both are plain numbers, whose range the sensor states
+        return plain or electrical(stated) == signal
+    one, two = conversion(stated, quantity), conversion(configured, quantity)
+    return one is not None and two is not None and math.isclose(one[0], two[0]) and one[1] == two[1]
 
 
 @dataclass(frozen=True)
@@ -91,10 +290,6 @@ class SensorLimits:
     described: str  # The range as the user states it, for messages: ``0 to 250 bar (4 to 20 mA)``
 
 
-STANDARD_ATMOSPHERE_PA = 101325.0
-"""Absolute less gauge pressure [Pa] (ISO 2533). The weather's ±3 kPa remain as an error of the zero."""
-
-
 @dataclass(frozen=True)
 class ChannelMapping:
     """The source of one column of a recording.
@@ -130,12 +325,12 @@ class ChannelMapping:
         expect(self.sign in (1, -1), f"{where}: sign", "1 or -1", self.sign)
         expect(math.isfinite(self.offset), f"{where}: offset", "a finite number", self.offset)
         scaled = self.sensor is not None and self.sensor.signal is not None
-        if units.electrical(self.unit) not in (None, "%") and not scaled:
+        if electrical(self.unit) not in (None, "%") and not scaled:
             raise RecordingError(
                 f"{where}: unit {self.unit!r} is a sensor's signal and means nothing without its range; "
                 "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
             )
-        if scaled and units.electrical(self.unit) is None:
+        if scaled and electrical(self.unit) is None:
             raise RecordingError(
                 f"{where}: unit {self.unit!r} is what the sensor reads already, but its signal is stated too; expected "
                 "V, mA or count as the channel's unit, or a sensor without signal"
@@ -153,7 +348,7 @@ class ChannelMapping:
 
     def for_stroke(self, column: str, stroke_m: float) -> Self:
         """Add a sensor if the channel is a percentage of the stroke; return any other mapping unchanged."""
-        if self.sensor is not None or not units.of_stroke(column, self.unit):
+        if self.sensor is not None or not of_stroke(column, self.unit):
             return self
         return replace(self, sensor=SensorScale((0.0, stroke_m), "m", signal=(0.0, 100.0)))
 
@@ -170,13 +365,13 @@ class ChannelMapping:
     @property
     def absolute(self) -> bool:
         """Whether the channel is an absolute pressure."""
-        return units.stated_reference(self.reading_unit) == "absolute"
+        return stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
         """Convert a channel's cells to the column's values; return the array itself if nothing changes."""
         reading = raw if self.sensor is None else self.sensor.reading(raw)
         zeroed = reading if self.offset == 0.0 else reading - self.offset
-        return self.counted(units.to_column_unit(zeroed, self.reading_unit, column))
+        return self.counted(to_column_unit(zeroed, self.reading_unit, column))
 
     def counted(self, values: Array) -> Array:
         """Apply the sign to values in the column's unit, and subtract the atmosphere from absolute pressures."""
@@ -213,19 +408,19 @@ def _problem(column: str, source: ChannelMapping) -> str:
     sensor = source.sensor
     if column == TIME:
         if source.unit:
-            units.check_unit(column, source.unit)
+            check_unit(column, source.unit)
         meaningless = source.sign != 1 or sensor is not None or source.time or source.time_unit
         return "sign, sensor and time have no meaning for time; leave them out" if meaningless else ""
     if source.time_unit:
-        units.check_unit(TIME, source.time_unit)
+        check_unit(TIME, source.time_unit)
     if source.rate_hz is not None:
         return f"rate_hz is for {TIME!r} alone; name the channel"
-    if sensor is None and units.of_stroke(column, source.unit):
+    if sensor is None and of_stroke(column, source.unit):
         return ""
-    units.check_unit(column, source.reading_unit)
+    check_unit(column, source.reading_unit)
     if sensor is not None:
-        units.check_unit(column, sensor.unit)
-        if not source.absolute and units.stated_reference(sensor.unit) == "absolute":
+        check_unit(column, sensor.unit)
+        if not source.absolute and stated_reference(sensor.unit) == "absolute":
             return (
                 f"the sensor's unit {sensor.unit!r} is absolute pressure, but the channel is read as gauge; write "
                 "its unit as absolute too, such as bara, or give the range in gauge pressure"
@@ -247,10 +442,8 @@ def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimi
         sensor = source.sensor
         if sensor is None:
             continue
-        offset = source.offset * units.column_scale(column, source.reading_unit)
-        ends = source.counted(
-            units.to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset
-        )
+        offset = source.offset * column_scale(column, source.reading_unit)
+        ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
         step = sensor_step(column, sensor, source.unit)
         described = f"{min(sensor.range):g} to {max(sensor.range):g} {sensor.unit}"
         if sensor.signal is not None:
@@ -273,7 +466,7 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
             continue
         resolution = sensor_step(column, sensor, source.unit) or 0.0
         share = sensor.accuracy_percent / 100.0 * RECTANGULAR
-        scale = units.column_scale(column, sensor.unit)
+        scale = column_scale(column, sensor.unit)
         if sensor.zero_uncertainty is None:
             stated[column] = SensorUncertainty(share * sensor.full_scale * scale, 0.0, resolution)
         else:
@@ -283,10 +476,10 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
 
 def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> float | None:
     """Compute the converter's step in the column's unit: one count, or the range over 2^bits; None if not known."""
-    if sensor.signal is not None and units.electrical(channel_unit) == "count":
+    if sensor.signal is not None and electrical(channel_unit) == "count":
         steps = abs(sensor.signal[1] - sensor.signal[0])
     elif sensor.bits is not None:
         steps = 2.0**sensor.bits
     else:
         return None
-    return sensor.full_scale * units.column_scale(column, sensor.unit) / steps
+    return sensor.full_scale * column_scale(column, sensor.unit) / steps

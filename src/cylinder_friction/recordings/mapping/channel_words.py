@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from cylinder_friction.recordings.mapping.units import electrical, quantity_of, unit_in_name
+from cylinder_friction.recordings.mapping.channel_mapping import electrical, quantity_of, unit_in_name
 
 TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value", "name", "channel name")
 """Whole names of time channels, in lower case. X_Value is used by LabVIEW, Name by the TwinCAT Scope, Channel name by

@@ -29,8 +29,7 @@ from cylinder_friction.recordings.columns import (
 )
 from cylinder_friction.recordings.formats.cells import NEVER_FALLS, way_of
 from cylinder_friction.recordings.formats.format import LoggedTable
-from cylinder_friction.recordings.mapping.channel_words import Words, words_of
-from cylinder_friction.recordings.mapping.units import (
+from cylinder_friction.recordings.mapping.channel_mapping import (
     column_scale,
     electrical,
     of_stroke,
@@ -38,6 +37,7 @@ from cylinder_friction.recordings.mapping.units import (
     stated_rate,
     units_agree,
 )
+from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import printable
 

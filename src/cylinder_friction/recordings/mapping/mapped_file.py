@@ -15,8 +15,14 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
 from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
-from cylinder_friction.recordings.mapping import units
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.channel_mapping import (
+    ChannelMapping,
+    column_scale,
+    quantity_of,
+    stated_reference,
+    to_column_unit,
+    units_agree,
+)
 from cylinder_friction.recordings.mapping.guessing import ChannelFacts, clocks_of
 from cylinder_friction.recordings.recording import RecordingError, Signal, Start
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
@@ -136,7 +142,7 @@ def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
     """
     if not clock.unit and not clock.dates and clock.counts:
         return None
-    known = (1e-9,) if clock.dates else (units.column_scale(TIME, clock.unit),) if clock.unit else TIME_UNITS_S
+    known = (1e-9,) if clock.dates else (column_scale(TIME, clock.unit),) if clock.unit else TIME_UNITS_S
     rates_hz = [1.0 / (step * scale) for scale in known for step in (clock.mean_step, clock.step) if step > 0.0]
     nearest_hz = min(rates_hz, key=lambda rate: min(abs(math.log(own / rate)) for own in own_hz), default=None)
     agrees = nearest_hz is None or min(abs(own / nearest_hz - 1.0) for own in own_hz) <= RATE_AGREES
@@ -237,21 +243,21 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     configured = time_unit or (time.unit if of_time else "")
     if configured:
         _refuse_other_unit(stated, configured, channel, TIME if of_time else column)
-    unit = configured or (stated if of_time or units.quantity_of(stated) == "time" else time.unit)
+    unit = configured or (stated if of_time or quantity_of(stated) == "time" else time.unit)
     if not unit:
         raise RecordingError(
             f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
             "expected dates, or numbers with channels.time_s.unit"
         )
     values = _numbers(raw, channel, TIME, unit)
-    return units.to_column_unit(values - time.offset if time.offset else values, unit, TIME)
+    return to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 
 def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> None:
     """Refuse a channel if the file contradicts the mapping's unit."""
     stated = table.units.get(source.channel, "")
     _refuse_other_unit(stated, source.unit, source.channel, column)
-    reference = units.stated_reference(stated) if QUANTITIES[column] == "pressure" else None
+    reference = stated_reference(stated) if QUANTITIES[column] == "pressure" else None
     if reference is not None and (reference == "absolute") != source.absolute:
         raise RecordingError(
             f"channel {source.channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
@@ -261,7 +267,7 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
 
 
 def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) -> None:
-    if not units.units_agree(stated, configured):
+    if not units_agree(stated, configured):
         raise RecordingError(
             f"channel {channel!r} (for {column!r}): the file states the unit {stated!r}, but it is read in "
             f"{configured!r}; expected the same; correct channels.{column}.unit in the mapping, or the file"
