@@ -1,5 +1,6 @@
 import re
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +33,29 @@ def table(name: str, **columns: Any) -> LoggedTable:
     return LoggedTable(pd.DataFrame(columns), name=name)
 
 
-def test_units_and_signs_are_applied_and_spare_channels_left_out() -> None:
-    mapped = map_signals([logged()], MAPPING)
+AGREEING = {"a": "Bar", "b": "PSI", "x": "[mm]", "t": "msec", "spare": "MPa"}
+RENAMED_TIME = LoggedTable(logged().channels.rename(columns={"t": "time"}))
+OTHER_NAMES = {"time_s": ChannelMapping("t", "ms", alternatives=("time", "Name"))}
+
+
+@pytest.mark.parametrize(
+    ("found", "change", "pressure_pa"),
+    [
+        (logged(), {}, [1e5, 2e5]),
+        (logged(units=AGREEING), {}, [1e5, 2e5]),
+        (logged(units=AGREEING), {"time_s": ChannelMapping("t")}, [1e5, 2e5]),  # its unit stands in the file
+        (logged(units={"a": "bara"}), {"pressure_1_pa": ChannelMapping("a", "bara")}, [1e5 - 101325.0, 2e5 - 101325.0]),
+        (logged(), OTHER_NAMES, [1e5, 2e5]),
+        (RENAMED_TIME, OTHER_NAMES, [1e5, 2e5]),
+    ],
+)
+def test_mapped_channels_are_in_si_units_and_spare_ones_left_out(
+    found: LoggedTable, change: dict[str, ChannelMapping], pressure_pa: list[float]
+) -> None:
+    mapped = map_signals([replace(found, notes=("the last line was cut off",))], MAPPING | change)
     assert set(mapped.signals) == {"pressure_1_pa", "pressure_2_pa", "position_m"}
-    assert mapped.notes == ()
-    np.testing.assert_array_equal(mapped.signals["pressure_1_pa"].values, [1e5, 2e5])
+    assert mapped.notes == ("the last line was cut off",)
+    np.testing.assert_allclose(mapped.signals["pressure_1_pa"].values, pressure_pa)
     np.testing.assert_allclose(mapped.signals["position_m"].values, [0.01, 0.02])
     np.testing.assert_allclose(mapped.signals["position_m"].time_s, [0.0, 0.005])
 
@@ -229,26 +248,3 @@ def test_channel_in_two_tables_needs_its_table() -> None:
     wrong = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}
     with pytest.raises(RecordingError, match=r"table 'run 3' .* is missing; got tables 'run 1', 'run 2'"):
         map_signals(tables, wrong)
-
-
-def test_what_the_file_agrees_with_is_read_with_the_readers_repairs_as_notes() -> None:
-    agreeing = {"a": "Bar", "b": "PSI", "x": "[mm]", "t": "msec", "spare": "MPa"}
-    assert map_signals([logged(units=agreeing)], MAPPING).notes == ()
-    mapping = MAPPING | {"time_s": ChannelMapping("t")}
-    repaired = LoggedTable(logged().channels, agreeing, notes=("the last line was cut off; it is left out",))
-    mapped = map_signals([repaired], mapping)
-    assert mapped.notes == repaired.notes
-    np.testing.assert_allclose(mapped.signals["position_m"].time_s, [0.0, 0.005])
-    absolute = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bara")}
-    values = map_signals([logged(units={"a": "bara"})], absolute).signals["pressure_1_pa"].values
-    np.testing.assert_allclose(values, [1e5 - 101325.0, 2e5 - 101325.0])
-
-
-def test_a_channel_may_have_another_name_in_other_files() -> None:
-    stamped = logged().channels.rename(columns={"t": "time"})
-    mapping = MAPPING | {"time_s": ChannelMapping("t", "ms", alternatives=("time", "Name"))}
-    for channels in (logged().channels, stamped):
-        mapped = map_signals([LoggedTable(channels, {}, "")], mapping)
-        np.testing.assert_allclose(mapped.signals["position_m"].time_s, [0.0, 0.005])
-    with pytest.raises(RecordingError, match=r"channel 't' .*is missing"):
-        map_signals([LoggedTable(stamped.rename(columns={"time": "clock"}), {}, "")], mapping)
