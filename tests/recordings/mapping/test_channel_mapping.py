@@ -86,26 +86,34 @@ def test_mapping_without_a_required_column_is_refused(column: str) -> None:
         check_mapping({other: source for other, source in MAPPING.items() if other != column})
 
 
-def test_limits_follow_unit_sign_offset_and_reference() -> None:
-    limits = sensor_limits(
-        {
-            "time_s": ChannelMapping("t", "s"),
-            "pressure_1_pa": ChannelMapping("a", "mA", sensor=SensorScale((0.0, 250.0), "bar", (4.0, 20.0))),
-            "pressure_2_pa": ChannelMapping("b", "bara", sensor=SensorScale((0.0, 100.0), "bara")),
-            "position_m": ChannelMapping("x", "count", -1, offset=300.0, sensor=COUNTED),
-            "load_force_n": ChannelMapping("f", "N", sensor=SensorScale((-5.0, 5.0), "kN", bits=12)),
-        }
-    )
-    assert set(limits) == {"pressure_1_pa", "pressure_2_pa", "position_m", "load_force_n"}
-    first = limits["pressure_1_pa"]
-    assert (first.low, first.high, first.step) == (0.0, 250e5, None)
-    assert first.described == "0 to 250 bar (4 to 20 mA)"
-    second = limits["pressure_2_pa"]
-    assert (second.low, second.high) == pytest.approx((-101325.0, 100e5 - 101325.0))
-    position = limits["position_m"]
-    assert (position.low, position.high, position.step) == pytest.approx((0.0, 0.3, 0.3 / 4095))
-    load = limits["load_force_n"]
-    assert (load.low, load.high, load.step) == pytest.approx((-5e3, 5e3, 1e4 / 4096))
+LOOP, ABSOLUTE = SensorScale((0.0, 250.0), "bar", (4.0, 20.0)), SensorScale((0.0, 100.0), "bara")
+CELL = SensorScale((-5.0, 5.0), "kN", bits=12)
+
+
+@pytest.mark.parametrize(
+    ("column", "source", "low", "high", "step", "described"),
+    [
+        ("pressure_1_pa", ChannelMapping("a", "mA", sensor=LOOP), 0.0, 250e5, None, "0 to 250 bar (4 to 20 mA)"),
+        ("pressure_2_pa", ChannelMapping("b", "bara", sensor=ABSOLUTE), -101325.0, 9898675.0, None, "0 to 100 bara"),
+        (
+            "position_m",
+            ChannelMapping("x", "count", -1, offset=300.0, sensor=COUNTED),
+            0.0,
+            0.3,
+            0.3 / 4095,
+            "0 to 300",
+        ),
+        ("load_force_n", ChannelMapping("f", "N", sensor=CELL), -5e3, 5e3, 1e4 / 4096, "-5 to 5 kN"),
+    ],
+)
+def test_limits_follow_unit_sign_offset_and_reference(
+    column: str, source: ChannelMapping, low: float, high: float, step: float | None, described: str
+) -> None:
+    limits = sensor_limits({"time_s": ChannelMapping("t", "s"), column: source})
+    assert set(limits) == {column}
+    assert (limits[column].low, limits[column].high) == pytest.approx((low, high))
+    assert limits[column].step == (None if step is None else pytest.approx(step))
+    assert limits[column].described.startswith(described)
 
 
 @pytest.mark.parametrize(

@@ -81,31 +81,26 @@ def read_delimited(
     above, below = lines[: layout.first_row], lines[layout.first_row :]
     begin = text.start + sum(map(len, above))
     start = start_in_header([line.decode() for line in above], layout.delimiter)
-    whole = _Rows(text, layout, start, begin, begin, text.end)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
-    parts = 1 if rows is None else max(1, round(size / row_size / rows))
-    repeated = repeated_names(layout.names)
+    parts, repeated = 1 if rows is None else max(1, round(size / row_size / rows)), repeated_names(layout.names)
     if parts > 1 and repeated and source.size > MOST_INDIVISIBLE:
         raise RecordingError(
             f"is too large to be read whole ({source.size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} MB), and "
             f"its columns of one name ({', '.join(sorted(repeated))}) end at rows of their own, so that it cannot be "
             "read in parts; export it with one time column, or split it"
         )
-    if parts == 1 or repeated:
-        return whole.tables(wanted)
-    step = -(-size // parts)
-    end = _line_end(text, begin + step)
-    (first,) = replace(whole, end=end).tables(wanted)
-    later = partial(_parts, replace(whole, text=replace(text, notes=()), begin=end), step, wanted)
-    return [replace(first, more=later, parts=parts)]
+    parts = 1 if repeated else parts
+    step, bounds = -(-size // parts), [begin]
+    while bounds[-1] < text.end:
+        bounds.append(_line_end(text, bounds[-1] + step))
+    whole, *later = (_Rows(text, layout, start, begin, *each) for each in pairwise(bounds))
+    first, *others = whole.tables(wanted)
+    more = partial(_tables, later, wanted) if later else None
+    return [replace(first, notes=(*text.notes, *first.notes), more=more, parts=parts), *others]
 
 
-def _parts(rows: _Rows, step: int, wanted: Collection[str] | None) -> Iterator[LoggedTable]:
-    begin = rows.begin
-    while begin < rows.end:
-        end = _line_end(rows.text, begin + step)
-        yield replace(rows, begin=begin, end=end).tables(wanted)[0]
-        begin = end
+def _tables(parts: Sequence[_Rows], wanted: Collection[str] | None) -> Iterator[LoggedTable]:
+    return (part.tables(wanted)[0] for part in parts)
 
 
 def _line_end(text: Text, place: int) -> int:
@@ -148,11 +143,11 @@ class _Rows:
 
     def tables(self, wanted: Collection[str] | None) -> list[LoggedTable]:
         """Read the wanted columns, and those that may be time: one table, or one for each time column of one name."""
-        names, units, notes = self.layout.names, self.layout.units, self.text.notes
+        names, units = self.layout.names, self.layout.units
         asked = set(names) if wanted is None else set(wanted) - {""}
         unread = tuple(name for name in names if name and name not in asked)
         if asked.isdisjoint(names):
-            return [LoggedTable(pd.DataFrame(), units, unread=unread, notes=notes)]
+            return [LoggedTable(pd.DataFrame(), units, unread=unread)]
         repeated = repeated_names(names)
         asked |= repeated | beside_clocks(names)
         loaded = [index for index, name in enumerate(names) if name in asked]
@@ -168,7 +163,7 @@ class _Rows:
         ]
         first, *others = split_groups(columns, {**units, **found.units}, repeated)
         unread = tuple(name for name in unread if name not in first.channels)
-        first = replace(first, unread=unread, notes=(*notes, *found.notes, *filter(None, [ended])))
+        first = replace(first, unread=unread, notes=(*found.notes, *filter(None, [ended])))
         return [replace(each, start=self.start, utc=found.utc) for each in (first, *others)]
 
     def _parsed(self, loaded: list[int], padded: bool) -> tuple[Any, str]:
