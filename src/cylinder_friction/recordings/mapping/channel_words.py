@@ -64,10 +64,7 @@ class Words:
     quantity: str | None  # Quantity; ``other`` for one that recordings do not contain, None if unknown
     side: int  # 1 for the piston side, 2 for the rod side, 0 if unknown, -1 for a pressure elsewhere
     unit: str  # Unit at the end of the name, as in ``jib_x_m``; empty without one
-    wanted_value: bool  # Whether it is a set point
-    # at_valve, at_cylinder: Whether it is measured there
-    at_valve: bool
-    at_cylinder: bool
+    preference: float  # Above 0 if it is measured at the cylinder; below 0 at a valve, and more so for a set point
     carried: bool  # Whether a force is called a load
     rest: tuple[str, ...]  # All other words of the name, in which the cylinders of one machine differ
     side_word: str  # The word that shows the side
@@ -83,14 +80,13 @@ def words_of(name: str) -> Words:
     whole = len(plain) > 1 and plain.strip().casefold() in TIME_NAMES
     quantity = "time" if whole else _quantity(tokens)
     side, side_word = _side(folded, quantity)
+    wanted = any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded)
     known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, AT_VALVE, AT_CYLINDER)
     return Words(
         quantity=quantity,
         side=side,
         unit=unit,
-        wanted_value=any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded),
-        at_valve=any(map(AT_VALVE.rank, folded)),
-        at_cylinder=any(map(AT_CYLINDER.rank, folded)),
+        preference=any(map(AT_CYLINDER.rank, folded)) - any(map(AT_VALVE.rank, folded)) - 6.0 * wanted,
         carried=any(map(CARRIED.rank, folded)),
         rest=tuple(token for token in folded if not any(vocabulary.rank(token) for vocabulary in known)),
         side_word=side_word,

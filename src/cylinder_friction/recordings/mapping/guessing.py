@@ -177,11 +177,8 @@ def _score(column: str, channel: ChannelFacts) -> float:
     if side is not None and words.side not in (0, side):
         return 0.0
     score = 3.0 * named + 2.0 * (measures == quantity) + 2.0 * (side is not None and words.side == side)
-    score += words.at_cylinder - words.at_valve - 1.0 * signal - 2.0 * (channel.low == channel.high)
-    score -= 6.0 * words.wanted_value
-    if column == LOAD_FORCE:
-        score += words.carried
-    return score
+    score += words.preference - 1.0 * signal - 2.0 * (channel.low == channel.high)
+    return score + (column == LOAD_FORCE) * words.carried
 
 
 def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
@@ -423,7 +420,7 @@ def _guessed(
 ) -> GuessedColumn:
     channel = chosen.get(column)
     if channel is None:
-        return GuessedColumn(column, None, others=tuple(other for other, _ in ranked))
+        return GuessedColumn(column, None)
     taken = {id(other) for other in chosen.values()}
     least = next(score for other, score in ranked if other is channel) - NEARLY
     others = tuple(
