@@ -185,18 +185,3 @@ def test_names_above_units_of_which_some_are_none(read) -> None:  # type: ignore
         table = read(above + names + rows, header=header)
         assert {name: table.units[name] for name in ("CH1", "CH2", "CH3")} == {"CH1": "bar", "CH2": "bar", "CH3": "mm"}
         assert table.channels["CH1"].tolist() == [7.205] * 29
-
-
-def test_names_and_units_of_repeated_time_columns(tmp_path: Path) -> None:
-    """As DAQExpress writes them, names in quotes."""
-    above = "Timestamp,2026-03-14 08:15:00,Timestamp,2026-03-14 08:15:00\nInterval,0.005,Interval,0.005\n"
-    names = 'Channel name,"Piston pressure",Channel name,"Position"\nUnit,"bar",Unit,"mm"\n'
-    (tmp_path / "log.csv").write_text(
-        above + names + "".join(f"{0.005 * row:.3f},7.2,{0.005 * row:.3f},75.0\n" for row in range(40))
-    )
-    one, other = read_logged_file(tmp_path / "log.csv")
-    assert (list(one.channels), list(other.channels)) == (
-        ["Channel name", "Piston pressure"],
-        ["Channel name", "Position"],
-    )
-    assert one.units == {"Piston pressure": "bar", "Position": "mm"}

@@ -21,12 +21,13 @@ def saved(file: MDF, folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("version", ["3.30", "4.10", "4.20"])
-def test_groups_conversions_and_text(tmp_path: Path, version: str) -> None:
+@pytest.mark.parametrize(("version", "utc"), [("3.30", False), ("4.10", True), ("4.20", True)])
+def test_groups_conversions_text_and_start(tmp_path: Path, version: str, utc: bool) -> None:
     raw = np.arange(6, dtype=np.uint16)
     linear = from_dict({"a": 0.5, "b": 1.0})
     words = from_dict({"val_0": 0, "text_0": b"up", "val_1": 1, "text_1": b"down", "default": b"?"})
     file = MDF(version=version)
+    file.start_time = START
     file.append(
         [Signal(raw, T, name="P1", unit="bar", conversion=linear), Signal(raw % 2, T, name="state", conversion=words)]
     )
@@ -40,6 +41,10 @@ def test_groups_conversions_and_text(tmp_path: Path, version: str) -> None:
     np.testing.assert_array_equal(fast.channels["P1"], raw * 0.5 + 1.0)
     assert fast.unread == ("state",)
     assert (fast.units["P1"], slow.units["P1"]) == ("bar", "mm")
+    for start in (fast.start, slow.start):
+        assert start is not None
+        assert (start.at, start.utc) == (np.datetime64("2026-03-27T09:15:00"), utc)
+        assert start.source == f"header of MDF {version}"
 
 
 def test_samples_marked_invalid_are_missing(tmp_path: Path) -> None:
@@ -119,15 +124,3 @@ def test_frames_of_a_bus_are_decoded_with_its_database(tmp_path: Path) -> None:
     ):
         with pytest.raises(RecordingError, match=words):
             read_logged_file(log, database=tmp_path / described)
-
-
-@pytest.mark.parametrize(("version", "utc"), [("3.30", False), ("4.10", True)])
-def test_the_header_states_the_start(tmp_path: Path, version: str, utc: bool) -> None:
-    file = MDF(version=version)
-    file.start_time = START
-    file.append([Signal(np.arange(6.0), T, name="P1", unit="bar")])
-    (table,) = read_logged_file(saved(file, tmp_path))
-    assert table.start is not None
-    assert table.start.text().removesuffix("Z") == "2026-03-27T09:15:00.000"
-    assert table.start.utc is utc
-    assert table.start.source == f"header of MDF {version}"
