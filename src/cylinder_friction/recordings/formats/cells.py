@@ -1,4 +1,4 @@
-"""Read the columns of tables: numbers, dates, times of day, and clocks that two columns or a count make."""
+"""Read the cells of tables and headers: numbers, dates, times of day, and clocks that two columns or a count make."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
     for (length, sample_time_s), channels in groups.items():
         shared = {channel.name.rpartition(separator)[0] for channel in channels}
         name = "" if len(groups) == 1 else (len(shared) == 1 and shared.pop()) or f"{length} rows"
-        tables.append(table_of(channels, wanted, name, sample_time_s, () if tables else found.others))
+        tables.append(table_of(channels, wanted, name, sample_time_s, others=() if tables else found.others))
     return tables
 
 
@@ -89,6 +89,7 @@ def table_of(
     wanted: Collection[str] | None,
     name: str,
     sample_time_s: float | None = None,
+    start_s: float = 0.0,
     others: Sequence[str] = (),
 ) -> LoggedTable:
     """Read channels of one length as a table, with a channel ``time`` [s] first if a sample time is given.
@@ -97,7 +98,7 @@ def table_of(
     """
     if sample_time_s is not None:
         length, step = channels[0].length, sample_time_s
-        channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
+        channels = [Channel("time", length, lambda: start_s + np.arange(length) * step, "s"), *channels]
     asked = [channel for channel in channels if wanted is None or channel.name in wanted]
     loaded = [each for each in channels if each in asked or (asked and words_of(each.name).quantity == "time")]
     unread = [channel.name for channel in channels if channel not in loaded]

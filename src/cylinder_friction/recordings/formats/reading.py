@@ -19,18 +19,8 @@ from cylinder_friction.recordings.formats.format import (
 from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.recording import RecordingError
 
-FORMATS = {
-    each.name: each
-    for each in (
-        delimited.FORMAT,
-        matlab.FORMAT,
-        mdf.FORMAT,
-        tdms.FORMAT,
-        hdf5.FORMAT,
-        parquet.FORMAT,
-        excel.FORMAT,
-    )
-}
+_MODULES = (delimited, matlab, mdf, tdms, hdf5, parquet, excel)
+FORMATS: dict[str, Format] = {each.FORMAT.name: each.FORMAT for each in _MODULES}
 """Every format by its name."""
 MOST_WHOLE = 2 * 10**9
 """Largest file of a format that cannot be read in parts [bytes]."""

@@ -50,12 +50,10 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
         step, offset = (None, 0.0) if timed else _clock(channel, first)
         entry = Channel(name, len(channel), partial(_values, channel), unit_among(channel.properties))
         alike.setdefault((len(channel), step, offset), []).append(entry)
-    tables: list[LoggedTable] = []
-    for (length, step, offset), channels in alike.items():
-        if step is not None:
-            channels.insert(0, Channel("time", length, partial(_time, length, step, offset), "s"))
-        tables.append(table_of(channels, wanted, group.name, others=() if tables else others))
-    return tables
+    return [
+        table_of(channels, wanted, group.name, step, offset, others=() if number else others)
+        for number, ((_, step, offset), channels) in enumerate(alike.items())
+    ]
 
 
 def _is_clock(channel: Any, name: str) -> bool:
@@ -85,10 +83,6 @@ def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, flo
 def _start(channel: Any) -> np.datetime64 | None:
     start = channel.properties.get("wf_start_time")
     return start.astype("datetime64[ns]") if isinstance(start, np.datetime64) and not np.isnat(start) else None
-
-
-def _time(length: int, step: float, offset: float) -> NDArray[Any]:
-    return offset + np.arange(length, dtype=np.float64) * step
 
 
 def _values(channel: Any) -> NDArray[Any]:

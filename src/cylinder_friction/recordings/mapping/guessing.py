@@ -105,6 +105,10 @@ class ChannelFacts:
         return "no numbers" if math.isnan(self.low) else f"values {self.low:.4g} to {self.high:.4g}"
 
 
+Ranked = Sequence[tuple[ChannelFacts, float]]
+"""Channels with their scores for a column, best first."""
+
+
 def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
     """Collect the facts of every channel that a mapping can name: its name must be unique in its table."""
     return [_facts(index, table, name) for index, table in enumerate(tables) for name in _unique_names(table)]
@@ -258,9 +262,6 @@ def stamps_of(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, Chan
         if (best := next(free, None)) is not None:
             stamps[column] = best
     return stamps
-
-
-Ranked = Sequence[tuple[ChannelFacts, float]]
 
 
 @dataclass(frozen=True)
