@@ -4,12 +4,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cylinder_friction.recordings.columns import QUANTITIES
 from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
     SensorScale,
     check_mapping,
     sensor_limits,
     sensor_uncertainty,
+    to_column_unit,
+    units_agree,
 )
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -58,6 +61,10 @@ SIGNAL = "is a sensor's signal and means nothing without its range; state the se
         ("pressure_2_pa", {"unit": "bar"}, "'a' is to fill both 'pressure_1_pa' and 'pressure_2_pa'; expected one"),
         ("position_m", {"sign": 2}, "channel 'a': sign: expected 1 or -1, but got 2"),
         ("position_m", {"unit": "parsnips"}, "unit 'parsnips' is not known; expected one of m, mm"),
+        ("position_m", {"unit": "bar"}, r"'position_m': unit 'bar' measures pressure, .* holds a length; expected one"),
+        ("position_m", {"sensor": BAR | {"unit": "mA"}}, r"'mA' is a sensor's electrical signal, .* state the sensor:"),
+        ("pressure_1_pa", {"unit": "mPa"}, "unit 'mPa' is millipascal; write MPa for megapascal"),
+        ("oil_temperature_c", {"unit": "delta_degC"}, "is not known; expected one of °C, K, °F"),
         ("position_m", {"unit": ""}, "'position_m': unit '' is not known"),
         ("position_m", {"channel": ""}, "expected the logger's name of the channel, but got ''"),
         ("position_m", {"channel": "", "rate_hz": 200.0}, "'position_m': rate_hz is for 'time_s' alone"),
@@ -129,3 +136,59 @@ def test_accuracy_is_rectangular(sensor: SensorScale, zero_pa: float, span: floa
     ((column, stated),) = sensor_uncertainty(mapping).items()
     assert column == "pressure_1_pa"
     assert (stated.zero, stated.span, stated.resolution) == pytest.approx((zero_pa, span, resolution_pa))
+
+
+OWN = {"time": "s", "pressure": "Pa", "length": "m", "force": "N", "temperature": "°C"}
+
+
+@pytest.mark.parametrize("column", QUANTITIES)
+def test_own_unit_leaves_values_untouched(column: str) -> None:
+    values = np.array([1.0 / 3.0, -0.0, np.nan])
+    assert to_column_unit(values, OWN[QUANTITIES[column]], column) is values
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "unit", "expected"),
+    [
+        ("pressure_1_pa", 14.503773773, "psi", 1e5),
+        *[("pressure_1_pa", 14.503773773, text, 1e5) for text in ("PSI", "psig", "psia", "psi (abs)", "psi gauge")],
+        *[("pressure_1_pa", 1.0, text, 98066.5) for text in ("kgf/cm2", "kgf/cm^2")],
+        *[("pressure_1_pa", 1.0, text, 1e6) for text in ("N/mm²", "MPa", "MPA")],
+        *[
+            ("pressure_1_pa", 3.0, text, 3e5)
+            for text in ("bar", "[bar]", "BAR", " bar ", "(bar)", "barg", "bara", "bar(a)")
+        ],
+        ("position_m", 10.0, "in", 0.254),
+        *[("position_m", 250.0, text, 0.25) for text in ("mm", "mm ", "MM", "[ mm ]", '"mm"')],
+        ("position_m", 250.0, "µm", 250e-6),
+        ("time_s", 1500.0, "us", 1.5e-3),
+        *[("time_s", 17.3, text, 17.3) for text in ("sec", "Sek", "S", "seconds")],
+        ("load_force_n", 1.0, "kip", 4448.2216152605),
+        ("drive_force_n", 1.0, "lbf", 4.4482216152605),
+        ("load_force_n", 1.0, "t", 9806.65),
+        ("oil_temperature_c", 32.0, "degF", 0.0),
+        ("oil_temperature_c", 212.0, "°F", 100.0),
+        *[("oil_temperature_c", 17.3, text, 17.3) for text in ("degC", "deg C", "℃", "Celsius", "C")],
+    ],
+)
+def test_conversion_of_every_spelling(column: str, value: float, unit: str, expected: float) -> None:
+    assert to_column_unit(np.array([value]), unit, column)[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stated", "configured", "agree"),
+    [
+        ("[Bar]", "bar", True),
+        ("bara", "bar", True),  # what pressure is counted from is another question
+        ("MPa", "bar", False),
+        ("N/mm2", "MPa", True),
+        ("V", "bar", False),
+        ("counts", "count", True),
+        ("A", "bar", True),  # port A
+        ("rod", "bar", True),  # a side
+        ("-", "bar", True),
+        ("", "mm", True),
+    ],
+)
+def test_what_a_file_states_against_what_is_configured(stated: str, configured: str, agree: bool) -> None:
+    assert units_agree(stated, configured) is agree
