@@ -22,6 +22,7 @@ from cylinder_friction_live.guard import AccessControl, client_of
 from cylinder_friction_live.history import move_into_history
 from cylinder_friction_live.keeping import Job, keep_each_second, keep_running, keep_some, move_each_minute
 from cylinder_friction_live.links.link import Link, in_background
+from cylinder_friction_live.server import ANSWERING
 from cylinder_friction_live.service import LiveService
 from cylinder_friction_live.stribeck import Lines
 from cylinder_friction_live.watching import Watchers
@@ -62,6 +63,7 @@ def create_app(
 
     async def stream(socket: WebSocket) -> None:
         connection = Connection(WebSocketTransport(socket), service, peers, client_of(socket))
+        socket.scope["extensions"][ANSWERING]["protocol"].answer = connection.answer
         await guard.serve(socket, "write", connection.run)
 
     async def watch(socket: WebSocket) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.files.whole_files import read_json
-from cylinder_friction_live.frames import ANEW, FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
+from cylinder_friction_live.frames import FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
 
 NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
 
@@ -57,10 +57,11 @@ class Engine:
         self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
         self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
         loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
-        self._batch, self._init = loaded[f"{NAME}_batch"], loaded[f"{NAME}_init"]
+        self._batch, self._frames, self._init = (loaded[f"{NAME}_{each}"] for each in ("batch", "frames", "init"))
         self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 6)
+        self._frames.argtypes = (*(ctypes.c_void_p, ctypes.c_uint32) * 2, *(ctypes.c_void_p,) * 2)
         self._init.argtypes = (ctypes.c_void_p,)
-        self._batch.restype = self._init.restype = None
+        self._batch.restype = self._frames.restype = self._init.restype = None
         self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
         self._states_at = 0
         self._free: list[int] = []
@@ -102,7 +103,7 @@ class Engine:
     def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
         """Step through all jobs in order; return newtons and flags of each, as in ``EstimateBlock``."""
         rows = [samples.rows for _, samples in jobs]
-        slots, resets = [slot for slot, _ in jobs], [samples.kind == ANEW for _, samples in jobs]
+        slots, resets = [slot for slot, _ in jobs], [samples.reset for _, samples in jobs]
         numbers = [array("I", each).tobytes() for each in (slots, resets, rows)]
         inputs = b"".join([samples.content for _, samples in jobs])
         outputs = np.empty((sum(rows), NEWTONS)), np.empty(sum(rows), np.uint32)
@@ -114,6 +115,14 @@ class Engine:
             results.append((newtons[newtons_at:newtons_end], flags[flags_at:flags_end]))
             newtons_at, flags_at = newtons_end, flags_end
         return results
+
+    def run_frames(self, slots: NDArray[np.uint32], rows: int, message: bytes, answer: NDArray[np.void]) -> bytes:
+        """Step through a message of sample frames, of one slot each and with ``rows`` each; return estimate frames.
+
+        ``answer`` is memory for as many frames, each as large as one of estimates.
+        """
+        self._frames(self._states_at, len(slots), slots.ctypes.data, rows, message, answer.ctypes.data)
+        return answer.tobytes()
 
     def check(self, golden: Path) -> None:
         """Run the model's golden trajectory; raises ``GoldenError`` if the engine is too far from it."""

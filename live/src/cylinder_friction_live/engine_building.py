@@ -13,6 +13,7 @@ import cylinder_friction
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
 from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction_live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
+from cylinder_friction_live.frames import ESTIMATES, HEADER
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -23,26 +24,56 @@ _PACKAGES = Path(__file__).parent, Path(cylinder_friction.__file__).parent
 _BATCH = """\
 #include "{name}.h"
 
+#include <string.h>
+
+static void step_rows({name}_state *state, uint32_t rows, const double *samples, double *newtons, uint32_t *flags)
+{{
+    {name}_output output;
+
+    for (; rows > 0u; rows--) {{
+        {name}_step(state, {arguments}, &output);
+        samples += {columns};
+        *newtons++ = output.friction_n;
+        *newtons++ = output.lower_n;
+        *newtons++ = output.upper_n;
+        *flags++ = output.flags;
+    }}
+}}
+
 /* Jobs one after the other: a session's rows together, so that its state is what a single stream's would be. */
 void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, const uint32_t *resets,
                   const uint32_t *rows, const double *samples, double *newtons, uint32_t *flags)
 {{
-    {name}_output output;
-    uint32_t job, row;
+    uint32_t job;
 
     for (job = 0; job < jobs; job++) {{
-        {name}_state *state = states + slots[job];
-
         if (resets[job])
-            {name}_reset(state);
-        for (row = 0; row < rows[job]; row++) {{
-            {name}_step(state, {arguments}, &output);
-            samples += {columns};
-            *newtons++ = output.friction_n;
-            *newtons++ = output.lower_n;
-            *newtons++ = output.upper_n;
-            *flags++ = output.flags;
-        }}
+            {name}_reset(states + slots[job]);
+        step_rows(states + slots[job], rows[job], samples, newtons, flags);
+        samples += {columns} * rows[job];
+        newtons += 3 * rows[job];
+        flags += rows[job];
+    }}
+}}
+
+/* Frames of samples, all with as many rows, into frames of estimates: a header of 24 bytes, then the numbers. */
+void {name}_frames({name}_state *states, uint32_t blocks, const uint32_t *slots, uint32_t rows, const char *message,
+                   char *answer)
+{{
+    uint32_t block;
+
+    for (block = 0; block < blocks; block++) {{
+        double *newtons = (double *)(answer + {header});
+        uint32_t *flags = (uint32_t *)(newtons + 3 * rows);
+
+        memcpy(answer, message, {header});
+        answer[0] = {estimates};
+        answer[1] = 3;
+        if (rows % 2 != 0u)
+            flags[rows] = 0u;
+        step_rows(states + slots[block], rows, (const double *)(message + {header}), newtons, flags);
+        message += {header} + 8 * {columns} * rows;
+        answer += {header} + 24 * rows + 4 * (rows + rows % 2);
     }}
 }}
 """
@@ -70,7 +101,8 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
         noise_pa = 0.0 if estimator.trained_for is None else estimator.trained_for.pressure_noise_pa
         arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
         batch = draft / "batch.c"
-        write_text(batch, _BATCH.format(name=NAME, arguments=arguments, columns=len(exported.inputs)))
+        about = {"columns": len(exported.inputs), "header": HEADER.size, "estimates": ESTIMATES}
+        write_text(batch, _BATCH.format(name=NAME, arguments=arguments, **about))
         sources = [path.read_text(encoding="utf-8") for path in (exported.header, exported.source, batch)]
         made_from = " ".join((*sources, repr(noise_pa), processor(), compiler_version(), *OPTIMISED))
         folder = engines / sha256(made_from.encode()).hexdigest()[:32]

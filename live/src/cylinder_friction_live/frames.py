@@ -20,15 +20,14 @@ bytes.
 
 import struct
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import NamedTuple, Self
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 
-ANEW, SAMPLES, ESTIMATES, ACKNOWLEDGEMENT = range(4)
+SAMPLES, ESTIMATES, ACKNOWLEDGEMENT = range(1, 4)
 HEADER = struct.Struct("<BBHIQd")
 LARGEST_INDEX = 1 << 53
 """Largest index that JSON can hold exactly."""
@@ -48,19 +47,8 @@ class FrameError(ValueError):
     """
 
 
-class _SampleFields(NamedTuple):
-    """Fields of a block of samples, in the order in which they stand in a frame."""
-
-    kind: int  # ``SAMPLES``, or ``ANEW`` if the session begins anew with them, which no frame says
-    columns: int
-    rows: int
-    handle: int
-    index: int  # type: ignore[assignment] # hides a method of tuples, which nobody calls
-    time_s: float
-    content: bytes
-
-
-class SampleBlock(_SampleFields):
+@dataclass(init=False, slots=True)
+class SampleBlock:
     """Successive samples of one session, as the bytes that frames, the engine and the journal hold.
 
     Args:
@@ -72,35 +60,27 @@ class SampleBlock(_SampleFields):
         reset: Whether the session begins anew with these samples; not in the frame.
     """
 
-    __slots__ = ()
+    handle: int
+    index: int
+    time_s: float
+    content: bytes
+    rows: int
+    columns: int
+    reset: bool
 
-    def __new__(
-        cls, handle: int, index: int, time_s: float, samples: Array | bytes, columns: int = 0, reset: bool = False
-    ) -> Self:
-        """Make a block of an array or of its bytes."""
+    def __init__(
+        self, handle: int, index: int, time_s: float, samples: Array | bytes, columns: int = 0, reset: bool = False
+    ) -> None:
+        self.handle, self.index, self.time_s, self.reset = handle, index, time_s, reset
         if isinstance(samples, bytes):
-            content, rows = samples, len(samples) // (8 * columns)
+            self.content, self.rows, self.columns = samples, len(samples) // (8 * columns), columns
         else:
-            content, (rows, columns) = samples.astype(_NUMBER, copy=False).tobytes(), samples.shape
-        return cls._make((ANEW if reset else SAMPLES, columns, rows, handle, index, time_s, content))
-
-    @property
-    def reset(self) -> bool:
-        """Whether the session begins anew with these samples."""
-        return self.kind == ANEW
+            self.content, (self.rows, self.columns) = samples.astype(_NUMBER, copy=False).tobytes(), samples.shape
 
     @property
     def samples(self) -> Array:
         """The samples, shape ``(rows, columns)``."""
         return np.frombuffer(self.content, _NUMBER).reshape(self.rows, self.columns)
-
-
-_block_of = partial(tuple.__new__, SampleBlock)
-
-
-@lru_cache(64)
-def _samples_layout(size: int) -> struct.Struct:
-    return struct.Struct(f"{HEADER.format}{size}s")
 
 
 @lru_cache(64)
@@ -195,9 +175,7 @@ def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement
     Raises ``FrameError`` for an empty message, a cut block, or a block of an unknown kind; then no block of the message
     counts.
     """
-    blocks: list[SampleBlock | EstimateBlock | Acknowledgement] = [*_alike_samples(message)]
-    if blocks:
-        return blocks
+    blocks: list[SampleBlock | EstimateBlock | Acknowledgement] = []
     at, end = 0, len(message)
     if not end:
         raise FrameError("got an empty message; expected one block at least")
@@ -222,18 +200,6 @@ def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement
             blocks.append(Acknowledgement(handle, index))
         at += size
     return blocks
-
-
-def _alike_samples(message: bytes) -> list[SampleBlock]:
-    """Read a message of sample blocks with equal rows and columns, as most are; an empty list for any other message."""
-    same = HEADER.unpack_from(message)[:3] if len(message) >= HEADER.size else (0, 0, 0)
-    kind, columns, rows = same
-    layout = _samples_layout(8 * rows * columns)
-    if kind != SAMPLES or not rows * columns or len(message) % layout.size:
-        return []
-    blocks = list(map(_block_of, layout.iter_unpack(message)))
-    last = max([each.index for each in blocks])
-    return blocks if {each[:3] for each in blocks} == {same} and last + rows <= LARGEST_INDEX else []
 
 
 def _size(kind: int, columns: int, rows: int, at: int) -> int:

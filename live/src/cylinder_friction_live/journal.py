@@ -4,7 +4,7 @@ import json
 import sqlite3
 import struct
 import threading
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction_live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
 
-_SAME_TIME = 0.5
+SAME_TIME = 0.5
 """Share of the sample time by which the sender's clock may jitter between blocks that are joined in one chunk."""
 _FORGOTTEN_AT_ONCE = 1000
 _PAGE_BYTES = 32768
@@ -32,6 +32,20 @@ PRAGMA user_version = {_VERSION};
 """
 
 
+# One statement for many rows, as a thread that writes row by row waits for the event loop at each row
+_KEEP_SESSIONS = """
+INSERT OR REPLACE INTO session
+SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'),
+    substr(?2, json_extract(value, '$[2]'), json_extract(value, '$[3]'))
+FROM json_each(?1)
+"""
+_KEEP_CHUNKS = """
+INSERT INTO chunk (name, first_index, rows, content, samples, estimates)
+SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]'),
+    json_extract(value, '$[3]'), substr(?2, json_extract(value, '$[4]'), json_extract(value, '$[5]')),
+    substr(?2, json_extract(value, '$[6]'), json_extract(value, '$[7]'))
+FROM json_each(?1)
+"""
 _ChunkRow = tuple[str, int, int, str, bytes, bytes]
 
 
@@ -89,19 +103,23 @@ class PendingChunk:
     inputs: tuple[str, ...]
     model: str | None  # SHA-256 of the model; None without estimates
     rows: int = 0
-    last_time_s: float = 0.0  # Time of the newest block's first sample, in the sender's clock
+    last_time_s: float = 0.0  # Time of the newest sample, in the sender's clock
     samples: list[bytes] = field(default_factory=list)
     newtons: list[bytes] = field(default_factory=list)
     flags: list[bytes] = field(default_factory=list)
 
-    def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> bool:
-        """Append a block if it follows the last one in index and in the sender's time; return whether it does."""
+    def add(self, block: SampleBlock, estimates: EstimateBlock | None, last_time_s: float | None = None) -> bool:
+        """Append a block if it follows the last one in index and in the sender's time; return whether it does.
+
+        ``last_time_s`` is the time of its last sample, if the sender stated that time too.
+        """
         rows, step_s = self.rows, self.sample_time_s
-        if block.index != self.index + rows or abs(block.time_s - self.time_s - rows * step_s) >= _SAME_TIME * step_s:
+        if block.index != self.index + rows or abs(block.time_s - self.time_s - rows * step_s) >= SAME_TIME * step_s:
             return False
         if (estimates is None) != (self.model is None):
             return False
-        self.rows, self.last_time_s = rows + block.rows, block.time_s
+        self.rows = rows + block.rows
+        self.last_time_s = block.time_s + (block.rows - 1) * step_s if last_time_s is None else last_time_s
         self.samples.append(block.content)
         if estimates is not None:
             self.newtons.append(estimates.newton_bytes)
@@ -111,12 +129,15 @@ class PendingChunk:
     def last(self) -> LastRow:
         """Read the newest estimate."""
         newtons, flags = struct.unpack("<3d", self.newtons[-1][-ROW_BYTES:]), self.flags[-1][-FLAG_BYTES:]
-        time_s = self.last_time_s + (len(self.flags[-1]) // FLAG_BYTES - 1) * self.sample_time_s
-        return LastRow(self.index + self.rows - 1, time_s, list(newtons), int.from_bytes(flags, "little"))
+        return LastRow(self.index + self.rows - 1, self.last_time_s, list(newtons), int.from_bytes(flags, "little"))
 
-    def samples_of(self, blocks: slice) -> Array:
-        """Read the samples of some blocks, such as those of the newest, ``slice(-1, None)``."""
-        return np.frombuffer(b"".join(self.samples[blocks]), "<f8").reshape(-1, len(self.inputs))
+    def newest_samples(self, rows: int) -> Array:
+        """Read samples of the newest block: its last ``rows``."""
+        return np.frombuffer(self.samples[-1], "<f8").reshape(-1, len(self.inputs))[-rows:]
+
+    def all_samples(self) -> Array:
+        """Read all samples, shape ``(rows, inputs)``."""
+        return np.frombuffer(b"".join(self.samples), "<f8").reshape(-1, len(self.inputs))
 
     def row(self) -> _ChunkRow:
         """Make the journal's row of it."""
@@ -192,17 +213,12 @@ class Journal:
         for path, number in self._files.items():
             if not path.exists() or path.stat().st_ino != number:
                 raise OSError(f"{path} was removed or replaced while the service ran; start it again")
+        states, rows = _packed(map(_session_row, sessions)), _packed(each.row() for each in chunks)
         with self._turn:
             self._writing.execute("BEGIN IMMEDIATE")
             with self._writing:  # commits, or rolls back
-                self._writing.executemany(
-                    "INSERT OR REPLACE INTO session VALUES (?, ?, ?)", map(_session_row, sessions)
-                )
-                self._writing.executemany(
-                    "INSERT INTO chunk (name, first_index, rows, content, samples, estimates) "
-                    "VALUES (?, ?, ?, ?, ?, ?)",
-                    (each.row() for each in chunks),
-                )
+                self._writing.execute(_KEEP_SESSIONS, states)
+                self._writing.execute(_KEEP_CHUNKS, rows)
 
     def last_chunk(self) -> int:
         """Find the number of the newest chunk; 0 if there is none."""
@@ -241,3 +257,19 @@ class Journal:
 def _session_row(session: SavedSession) -> tuple[str, str, bytes]:
     content = {"next_index": session.next_index, "counts": session.counts, "model": session.model}
     return session.name, json.dumps(content), session.state
+
+
+def _packed(rows: Iterable[Sequence[str | int | bytes]]) -> tuple[str, bytes]:
+    """Pack rows as JSON with the place and length of each bytes value, from 1, and the bytes joined."""
+    packed, contents, place = [], list[bytes](), 1
+    for row in rows:
+        fields = list[str | int]()
+        for value in row:
+            if isinstance(value, bytes):
+                fields += (place, len(value))
+                contents.append(value)
+                place += len(value)
+            else:
+                fields.append(value)
+        packed.append(fields)
+    return json.dumps(packed), b"".join(contents)

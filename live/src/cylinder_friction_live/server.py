@@ -10,21 +10,49 @@ import uvicorn
 from starlette.applications import Starlette
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.exceptions import WebSocketException
+from websockets.frames import Frame
+from websockets.protocol import State
 
 from cylinder_friction_live.access import Access
 from cylinder_friction_live.settings import HELD_BACK_S
 
+ANSWERING = "cylinder_friction.answering"
+"""Name of the protocol in a scope's extensions."""
 LAST_WORD_S = 0.2
 """Time for clients to read why they are closed when the service ends [s]."""
 LINGER_TICKS = 50
 """Tenths of a second between two checks that abandon connections which were already closing at the last check."""
 
 
-class _ReadsAhead(WebSocketsSansIOProtocol):
-    """Pauses reading at the second waiting message. A pause at each message would cost as much as handling it."""
+class AnsweringProtocol(WebSocketsSansIOProtocol):
+    """Answers a message in the call that reads it, if the application can; others wait in the queue.
+
+    Attributes:
+        answer: Makes the answer to a message, or returns None if the message must wait. The application finds the
+            protocol in its scope's extensions.
+    """
+
+    answer: Callable[[bytes], bytes | None] | None = None
+
+    async def run_asgi(self) -> None:
+        """Run the application."""
+        self.scope["extensions"][ANSWERING] = {"protocol": self}
+        await super().run_asgi()
+
+    def handle_bytes(self, event: Frame) -> None:
+        """Answer a whole message at once if no message and no answer waits, or queue it."""
+        idle = self.conn.state is State.OPEN and self.queue.empty() and self.writable.is_set()
+        answer = self.answer(bytes(event.data)) if idle and event.fin and self.answer is not None else None
+        if answer is None:
+            super().handle_bytes(event)
+        else:
+            self.conn.send_binary(answer)
+            self.transport.write(b"".join(self.conn.data_to_send()))
 
     def send_receive_event_to_app(self) -> None:
-        self.read_paused = self.queue.empty()  # if true, nothing is paused now
+        """Queue a message, and pause reading if another one waits."""
+        # At the second waiting message: a pause at each message would cost as much as handling it
+        self.read_paused = self.queue.empty()
         super().send_receive_event_to_app()
 
 
@@ -69,7 +97,7 @@ def live_server(app: Starlette, host: str, port: int, access: Access, message_by
     """Build the server of an application of ``live.app.create_app``; port 0 takes a free one."""
     config = uvicorn.Config(
         app, host=host, port=port, ws_max_size=message_bytes, log_level="warning", ws_per_message_deflate=False,
-        ws=_ReadsAhead, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1, loop="asyncio",
+        ws=AnsweringProtocol, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1, loop="asyncio",
         ssl_certfile=access.tls_certificate, ssl_keyfile=access.tls_key,
     )  # fmt: skip
     return LiveServer(config, app.state.drain)

@@ -54,6 +54,13 @@ class Owner(Protocol):
         """React to the session's change to another owner."""
 
 
+class Unsettled(Protocol):
+    """Samples of some sessions that were stepped, and that these do not show yet."""
+
+    def settle(self) -> None:
+        """Add the samples and their estimates to their sessions."""
+
+
 @dataclass(slots=True)
 class LiveSession:
     """One open session."""
@@ -62,16 +69,44 @@ class LiveSession:
     handle: int
     engine: Engine
     slot: int  # Place of its state in the engine
-    order: SessionOrder
+    _order: SessionOrder
     noise: NoiseWindow
-    pending: list[PendingChunk] = field(default_factory=list)  # Chunks that are not handed over yet, in order
+    unsettled: Unsettled | None = None  # Samples that are in ``_order`` and ``_pending`` once they are settled
+    _pending: list[PendingChunk] = field(default_factory=list)
     handed_over: list[PendingChunk] = field(default_factory=list)  # Chunks that the journal may still refuse
     kept_index: int = 0  # All samples before it are in the journal
-    last_seen_s: float = 0.0  # Time of the last message, on the monotonic clock
     last_kept: LastRow | None = None  # Newest estimate in the journal since the session was opened
     flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then with each flag of ``UNKNOWN``
     owner: "Owner | None" = None
     begins_anew: str = ""  # Why it began anew; empty if it resumed, or once new estimates are in the journal
+
+    def settle(self) -> None:
+        """Take over the samples that were stepped together with those of other sessions."""
+        if self.unsettled is not None:
+            self.unsettled.settle()
+
+    @property
+    def order(self) -> SessionOrder:
+        """The order of its samples."""
+        self.settle()
+        return self._order
+
+    @property
+    def pending(self) -> list[PendingChunk]:
+        """Chunks that are not handed over yet, in order."""
+        self.settle()
+        return self._pending
+
+    @property
+    def growing_chunk(self) -> PendingChunk | None:
+        """The chunk that further estimates may join."""
+        pending = self.pending
+        return pending[-1] if pending and pending[-1].model is not None else None
+
+    @property
+    def last_seen_s(self) -> float:
+        """Time of the last message, on the monotonic clock [s]."""
+        return self.order.last_seen_s
 
     @property
     def next_index(self) -> int:
@@ -89,6 +124,36 @@ class LiveSession:
         chunks = [each for each in (*self.handed_over, *self.pending) if each.newtons]
         return chunks[-1].last() if chunks else self.last_kept
 
+    def give_to(self, owner: Owner | None) -> None:
+        """Change its owner."""
+        self.settle()
+        self.owner = owner
+
+    def settled(self, block: SampleBlock, estimates: EstimateBlock, last_time_s: float, now_s: float) -> None:
+        """Add samples that were stepped with those of other sessions, the last of them at ``last_time_s``."""
+        self.unsettled = None
+        self._order.passed(block, now_s)
+        self.add(block, estimates, last_time_s)
+
+    def add(self, block: SampleBlock, estimates: EstimateBlock | None, last_time_s: float | None = None) -> None:
+        """Add samples to what waits for the journal."""
+        pending = self.pending
+        if not (pending and pending[-1].add(block, estimates, last_time_s)):
+            model, step_s = None if estimates is None else self.model, self.engine.sample_time_s
+            pending.append(PendingChunk(self.name, block.index, block.time_s, step_s, self.engine.inputs, model))
+            pending[-1].add(block, estimates, last_time_s)
+
+    def hand_over(self) -> list[PendingChunk]:
+        """Take the chunks that wait for the journal; from now on they count as handed over."""
+        self.handed_over, self._pending = self.pending, []
+        return self.handed_over
+
+    def take_back(self) -> list[PendingChunk]:
+        """Let the chunks that were handed over wait again; return them."""
+        chunks, self.handed_over = self.handed_over, []
+        self._pending = chunks + self.pending
+        return chunks
+
     def note_kept(self, next_index: int) -> None:
         """Mark the handed-over chunks as kept, count their rows by flags, and measure the noise of their pressures."""
         flags = np.frombuffer(b"".join([flags for each in self.handed_over for flags in each.flags]), "<u4")
@@ -97,9 +162,11 @@ class LiveSession:
             for flag in UNKNOWN:
                 self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
         for each in self.handed_over:
-            if each.newtons and not self.noise.waits(each.rows):
-                self.noise.take(each.samples_of(slice(None)))
-        self.last_kept, self.kept_index, self.handed_over, self.begins_anew = self.latest, next_index, [], ""
+            if each.newtons:
+                self.last_kept = each.last()
+                if not self.noise.waits(each.rows):
+                    self.noise.take(each.all_samples())
+        self.kept_index, self.handed_over, self.begins_anew = next_index, [], ""
 
     @property
     def not_known(self) -> str:
@@ -154,6 +221,7 @@ class LiveService:
         self.rules, self.limits, self._clock = rules or SessionRules(), limits or LiveLimits(), clock
         self.sessions: dict[str, LiveSession] = {}
         self._by_handle: dict[int, LiveSession] = {}
+        self._holding: dict[int, LiveSession] = {}  # Sessions with samples that wait for earlier ones, by handle
         self._next_handle = 1
         self.unkept_rows, self._kept_s = 0, clock()
         self._closed_outcomes = Counter(vars(Counts()))  # Less the counts of open sessions from before this start
@@ -185,8 +253,8 @@ class LiveService:
                 f"session {name!r}: new sessions are refused while the service is {self.loop_lag_s:.2f} s late"
             )
         noise = NoiseWindow(self.engine.inputs, self._next_handle * 17 % ROWS_BETWEEN)
-        slot, seen_s = self.engine.add(), self._clock()
-        session = LiveSession(name, self._next_handle, self.engine, slot, order, noise, last_seen_s=seen_s)
+        order.last_seen_s = self._clock()
+        session = LiveSession(name, self._next_handle, self.engine, self.engine.add(), order, noise)
         if saved is not None:
             self._restore(session, saved)
         session.kept_index = session.next_index
@@ -216,6 +284,10 @@ class LiveService:
     def now_s(self) -> float:
         """The clock of ``LiveSession.last_seen_s`` [s]."""
         return self._clock()
+
+    def session_with(self, handle: int) -> LiveSession | None:
+        """Find the open session with a handle."""
+        return self._by_handle.get(handle)
 
     def session_of(self, block: SampleBlock) -> LiveSession:
         """Find the session of a block.
@@ -249,10 +321,11 @@ class LiveService:
         now_s = self._clock()
         pieces: list[tuple[LiveSession, SampleBlock]] = []
         for session, block in zip(sessions, blocks, strict=True):
-            session.last_seen_s = now_s
             order = session.order
             for piece in order.receive(block, now_s):
                 pieces.append((session, piece))  # noqa: PERF401 - one piece nearly always
+            if order.holds:
+                self._holding[session.handle] = session
             if order.late:
                 self._queue_for_journal(session)
         self._step(pieces)
@@ -260,7 +333,8 @@ class LiveService:
     def overdue(self) -> None:
         """Step over gaps whose wait is over."""
         now_s = self._clock()
-        self._step([(each, piece) for each in self.sessions.values() for piece in each.order.overdue(now_s)])
+        self._step([(each, piece) for each in self._holding.values() for piece in each.order.overdue(now_s)])
+        self._holding = {handle: each for handle, each in self._holding.items() if each.order.holds}
 
     @property
     def kept_age_s(self) -> float:
@@ -276,7 +350,7 @@ class LiveService:
 
     def load(self) -> dict[str, int]:
         """Count what the service holds at present."""
-        held = sum(each.order.held_rows for each in self.sessions.values())
+        held = sum(each.order.held_rows for each in self._holding.values())
         noisy = sum(each.too_narrow != "" for each in self.sessions.values())
         waits = {"held_rows": held, "unkept_rows": self.unkept_rows}
         return {"sessions": len(self.sessions), "noisy_sessions": noisy, **waits}
@@ -287,17 +361,15 @@ class LiveService:
         for session in sessions:
             if session.pending:
                 saved.append(session.saved())
-                self.unkept_rows -= sum(each.rows for each in session.pending)
-                chunks += session.pending
-                session.handed_over, session.pending = session.pending, []
+                chunks += session.hand_over()
+        self.unkept_rows -= sum(each.rows for each in chunks)
         return saved, chunks
 
     def requeue(self, saved: Sequence[SavedSession], reason: str) -> None:
         """Take back chunks that could not be written, to hand them over again the next time."""
         self.keeps_not_because = reason
         for session in (self.sessions[each.name] for each in saved):
-            self.unkept_rows += sum(each.rows for each in session.handed_over)
-            session.handed_over, session.pending = [], session.handed_over + session.pending
+            self.unkept_rows += sum(each.rows for each in session.take_back())
 
     def kept(self, saved: Sequence[SavedSession]) -> None:
         """Mark written chunks as kept, and acknowledge them."""
@@ -320,12 +392,16 @@ class LiveService:
         idle = [
             each
             for each in self.sessions.values()
-            if now_s - each.last_seen_s > self.limits.idle_s and not each.pending and each.kept_index == each.next_index
+            if each.unsettled is None
+            and now_s - each.last_seen_s > self.limits.idle_s
+            and not each.pending
+            and each.kept_index == each.next_index
         ]
         for session in idle:
             self.engine.remove(session.slot)
             self._closed_outcomes.update(vars(session.order.counts))
             del self.sessions[session.name], self._by_handle[session.handle]
+            self._holding.pop(session.handle, None)
         return [session.name for session in idle]
 
     def _restore(self, session: LiveSession, saved: SavedSession) -> None:
@@ -348,27 +424,26 @@ class LiveService:
         model, given = self.engine.model, list[tuple[LiveSession, EstimateBlock]]()
         for (session, piece), (newtons, bits) in zip(pieces, results, strict=True):
             estimates = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, model)
-            self._add(session, piece, estimates)
+            session.add(piece, estimates)
+            self.unkept_rows += piece.rows
             given.append((session, estimates))
             for take in self.takers:
                 take(session, estimates)
         for owner, of_owner in groupby(given, _owner):
             if owner is not None:
                 owner.put_estimates(of_owner)
-        self.flags.note([bits for _, bits in results])
+        self.flags.note(b"".join([bits for _, bits in results]))
+
+    def note_together(self, sessions: Sequence[LiveSession], rows: int, flags: bytes) -> None:
+        """Count estimates of sessions that were stepped together, as many rows of each."""
+        self.unkept_rows += len(sessions) * rows
+        self.flags.note(flags)
 
     def _queue_for_journal(self, session: LiveSession) -> None:
         for piece in session.order.late:
-            self._add(session, piece, None)
+            session.add(piece, None)
+            self.unkept_rows += piece.rows
         session.order.late.clear()
-
-    def _add(self, session: LiveSession, piece: SampleBlock, estimates: EstimateBlock | None) -> None:
-        if not (session.pending and session.pending[-1].add(piece, estimates)):
-            step_s, inputs = self.engine.sample_time_s, self.engine.inputs
-            model = None if estimates is None else estimates.model
-            session.pending.append(PendingChunk(session.name, piece.index, piece.time_s, step_s, inputs, model))
-            session.pending[-1].add(piece, estimates)
-        self.unkept_rows += piece.rows
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
         if not _NAME.fullmatch(name) or len(quote(name, safe="")) > LONGEST_NAME:

@@ -51,6 +51,8 @@ class SessionOrder:
     rules: SessionRules = field(default_factory=SessionRules)
     next_index: int | None = None
     counts: Counts = field(default_factory=Counts)
+    last_seen_s: float = 0.0
+    """Time of the last message, on the monotonic clock."""
     late: list[SampleBlock] = field(default_factory=list, init=False)
     """Samples that came too late for their gap, until the service takes them."""
     _held: list[_Held] = field(default_factory=list, init=False)  # Waiting blocks by index; they never overlap
@@ -58,7 +60,8 @@ class SessionOrder:
 
     def receive(self, block: SampleBlock, now_s: float) -> list[SampleBlock]:
         """Take samples; return the samples that can be stepped, in order."""
-        if block.index == self.next_index and not self._held and block.rows:  # nearly always
+        self.last_seen_s = now_s
+        if block.index == self.next_index and not self._held and block.rows:
             return [self._stepped(block)]
         index, time_s, samples = block.index, block.time_s, block.samples
         if self.next_index is None:
@@ -74,12 +77,27 @@ class SessionOrder:
             return self.overdue(now_s)
         return [self._stepped(SampleBlock(0, index, time_s, samples)), *self._released()]
 
+    def passed(self, block: SampleBlock, now_s: float) -> None:
+        """Count samples that were the next ones, and that were stepped already."""
+        self.last_seen_s = now_s
+        self._stepped(block)
+
     def overdue(self, now_s: float) -> list[SampleBlock]:
         """Take the samples to step although earlier ones are missing, because the wait for those is over."""
         pieces: list[SampleBlock] = []
         while self._held and self._is_wait_over(now_s):
             pieces += self._skip_gap()
         return pieces
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a sample with the next index is stepped at once."""
+        return self.next_index is not None and not self._held
+
+    @property
+    def holds(self) -> bool:
+        """Whether samples wait for earlier ones."""
+        return bool(self._held)
 
     @property
     def held_rows(self) -> int:

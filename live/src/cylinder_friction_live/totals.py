@@ -6,7 +6,7 @@ import numpy as np
 
 from cylinder_friction.realtime.flags import Flag
 
-_BLOCKS = 5000
+_COUNTED_BYTES = 1 << 16
 _VALUES = 2 * max(Flag)
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
 """Upper bounds of the classes of delays [s]; one more class is above the last."""
@@ -16,13 +16,13 @@ class FlagTotals:
     """Counts of estimates and of their flags."""
 
     def __init__(self) -> None:
-        self._waiting: list[bytes] = []
+        self._waiting = bytearray()
         self._counts = np.zeros(_VALUES, dtype=np.int64)  # Counts by the value of the flags
 
-    def note(self, flags: list[bytes]) -> None:
-        """Count the flags of blocks; cheap, as most of the work waits until many have come."""
+    def note(self, flags: bytes) -> None:
+        """Count the flags of estimates; cheap, as most of the work waits until many have come."""
         self._waiting += flags
-        if len(self._waiting) > _BLOCKS:
+        if len(self._waiting) > _COUNTED_BYTES:
             self._count()
 
     def totals(self) -> tuple[int, dict[str, int]]:
@@ -33,7 +33,7 @@ class FlagTotals:
 
     def _count(self) -> None:
         if self._waiting:
-            self._counts += np.bincount(np.frombuffer(b"".join(self._waiting), "<u4"), minlength=_VALUES)
+            self._counts += np.bincount(np.frombuffer(self._waiting, "<u4"), minlength=_VALUES)
             self._waiting.clear()
 
 

@@ -45,7 +45,7 @@ class Watchers:
             if not page.has_begun:  # it selected the session before it was open, as after a restart
                 page.begin(self._service.recent(session, self._recent_rows))
             elif len(page.blocks) < UNSENT_BLOCKS:
-                page.blocks.append((block, session.pending[-1].samples_of(slice(-1, None))))
+                page.blocks.append((block, session.pending[-1].newest_samples(len(block))))
 
     async def run(self, socket: WebSocket) -> None:
         """Serve a page with an accepted socket until it disconnects; it sends the name of a session to select it."""
