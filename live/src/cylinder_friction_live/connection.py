@@ -79,7 +79,8 @@ class Peers:
         if before is not None and before is not connection:
             before.lost(session)
             self.events.note("session lost", session=session.name, client=before.client, to=connection.client)
-        session.give_to(connection)
+        session.settle()
+        session.owner = connection
 
     def leave(self, connection: "Connection", sessions: Iterable[LiveSession]) -> None:
         """Remove a connection that has ended; its sessions stay open."""
@@ -87,7 +88,8 @@ class Peers:
         self.connections -= 1
         for session in sessions:
             if session.owner is connection:
-                session.give_to(None)
+                session.settle()
+                session.owner = None
 
 
 class Pace:
@@ -156,10 +158,7 @@ class Connection:
             await asyncio.gather(writer, return_exceptions=True)
 
     def answer(self, message: bytes) -> bytes | None:
-        """Answer a message without a wait; None if ``receive`` must give it, as other messages come first, or need to.
-
-        Most messages of frames can be answered so, which spares a wait for two tasks.
-        """
+        """Answer a message without a wait for other tasks; None if the transport must receive it in its turn."""
         if self.unsent or self._peers.draining or self._busy_s > TURN_S or self._is_too_fast():
             return None
         came_s = time.monotonic()

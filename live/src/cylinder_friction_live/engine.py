@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.files.whole_files import read_json
-from cylinder_friction_live.frames import FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
+from cylinder_friction_live.frames import NEWTONS, EstimateBlock, SampleBlock
 
 NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
 
@@ -108,13 +108,9 @@ class Engine:
         inputs = b"".join([samples.content for _, samples in jobs])
         outputs = np.empty((sum(rows), NEWTONS)), np.empty(sum(rows), np.uint32)
         self._batch(self._states_at, len(jobs), *numbers, inputs, *(each.ctypes.data for each in outputs))
-        newtons, flags = (each.tobytes() for each in outputs)
-        results, newtons_at, flags_at = [], 0, 0
-        for count in rows:
-            newtons_end, flags_end = newtons_at + ROW_BYTES * count, flags_at + FLAG_BYTES * count
-            results.append((newtons[newtons_at:newtons_end], flags[flags_at:flags_end]))
-            newtons_at, flags_at = newtons_end, flags_end
-        return results
+        ends = np.cumsum(rows)[:-1]
+        newtons, flags = (np.split(each, ends) for each in outputs)
+        return [(some.tobytes(), bits.tobytes()) for some, bits in zip(newtons, flags, strict=True)]
 
     def run_frames(self, slots: NDArray[np.uint32], rows: int, message: bytes, answer: NDArray[np.void]) -> bytes:
         """Step through a message of sample frames, of one slot each and with ``rows`` each; return estimate frames.

@@ -21,6 +21,7 @@ bytes.
 import struct
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,11 +82,6 @@ class SampleBlock:
     def samples(self) -> Array:
         """The samples, shape ``(rows, columns)``."""
         return np.frombuffer(self.content, _NUMBER).reshape(self.rows, self.columns)
-
-
-@lru_cache(64)
-def _estimates_layout(rows: int) -> struct.Struct:
-    return struct.Struct(f"{HEADER.format}{ROW_BYTES * rows}s{FLAG_BYTES * rows}s{FLAG_BYTES * (rows % 2)}x")
 
 
 @dataclass(slots=True)
@@ -157,8 +153,8 @@ def pack_estimates(block: EstimateBlock) -> bytes:
     [N] of every row, then by their flags.
     """
     rows = len(block.flag_bytes) // FLAG_BYTES
-    head = ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s
-    return _estimates_layout(rows).pack(*head, block.newton_bytes, block.flag_bytes)
+    head = HEADER.pack(ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s)
+    return head + block.newton_bytes + block.flag_bytes + bytes(FLAG_BYTES * (rows % 2))
 
 
 def pack_acknowledgement(block: Acknowledgement) -> bytes:
@@ -167,6 +163,15 @@ def pack_acknowledgement(block: Acknowledgement) -> bytes:
     The service sends it once the journal holds the samples, about once a second; a client needs only ``unpack``.
     """
     return HEADER.pack(ACKNOWLEDGEMENT, 0, 0, block.handle, block.index, 0.0)
+
+
+@lru_cache(64)
+def layouts(columns: int, rows: int) -> tuple[np.dtype[np.void], np.dtype[np.void]]:
+    """Describe a frame of samples and one of estimates. ``place``: kind, columns, rows and handle, then the index."""
+    head: list[Any] = [("place", "<u8", 2), ("time_s", "<f8")]
+    estimates = [("newtons", f"V{ROW_BYTES * rows}"), ("flags", f"V{FLAG_BYTES * rows}")]
+    padding = [("padding", f"V{FLAG_BYTES}")] if rows % 2 else []
+    return np.dtype([*head, ("samples", f"V{8 * columns * rows}")]), np.dtype([*head, *estimates, *padding])
 
 
 def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement]:

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,14 +47,14 @@ SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(va
     substr(?2, json_extract(value, '$[6]'), json_extract(value, '$[7]'))
 FROM json_each(?1)
 """
-_ChunkRow = tuple[str, int, int, str, bytes, bytes]
+_ChunkRow = tuple[str, int, int, dict[str, Any], bytes, bytes]
 
 
 class JournalError(ValueError):
     """The file is no journal of this version; the message states what to do."""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class SavedSession:
     """A session as it was last written to the journal."""
 
@@ -108,18 +109,14 @@ class PendingChunk:
     newtons: list[bytes] = field(default_factory=list)
     flags: list[bytes] = field(default_factory=list)
 
-    def add(self, block: SampleBlock, estimates: EstimateBlock | None, last_time_s: float | None = None) -> bool:
-        """Append a block if it follows the last one in index and in the sender's time; return whether it does.
-
-        ``last_time_s`` is the time of its last sample, if the sender stated that time too.
-        """
+    def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> bool:
+        """Append a block if it follows the last one in index and in the sender's time; return whether it does."""
         rows, step_s = self.rows, self.sample_time_s
         if block.index != self.index + rows or abs(block.time_s - self.time_s - rows * step_s) >= SAME_TIME * step_s:
             return False
         if (estimates is None) != (self.model is None):
             return False
-        self.rows = rows + block.rows
-        self.last_time_s = block.time_s + (block.rows - 1) * step_s if last_time_s is None else last_time_s
+        self.rows, self.last_time_s = rows + block.rows, block.time_s + (block.rows - 1) * step_s
         self.samples.append(block.content)
         if estimates is not None:
             self.newtons.append(estimates.newton_bytes)
@@ -135,16 +132,12 @@ class PendingChunk:
         """Read samples of the newest block: its last ``rows``."""
         return np.frombuffer(self.samples[-1], "<f8").reshape(-1, len(self.inputs))[-rows:]
 
-    def all_samples(self) -> Array:
-        """Read all samples, shape ``(rows, inputs)``."""
-        return np.frombuffer(b"".join(self.samples), "<f8").reshape(-1, len(self.inputs))
-
     def row(self) -> _ChunkRow:
         """Make the journal's row of it."""
         about = ("time_s", "sample_time_s", "inputs", "model")
         content = {name: getattr(self, name) for name in about}
         samples, estimates = b"".join(self.samples), b"".join(self.newtons + self.flags)
-        return self.name, self.index, self.rows, json.dumps(content), samples, estimates
+        return self.name, self.index, self.rows, content, samples, estimates
 
     def chunk(self) -> Chunk:
         """Make the chunk that the journal will hold."""
@@ -152,8 +145,7 @@ class PendingChunk:
 
 
 def _chunk_of(row: _ChunkRow) -> Chunk:
-    name, index, rows, content, samples, kept = row
-    of = json.loads(content)
+    name, index, rows, of, samples, kept = row
     flags_at, estimates = ROW_BYTES * rows, None
     if of["model"] is not None:
         estimates = EstimateBlock(0, index, of["time_s"], kept[:flags_at], kept[flags_at:], of["model"])
@@ -231,8 +223,8 @@ class Journal:
             "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
             (name, up_to, from_index),
         )
-        for row in rows:
-            yield _chunk_of((name, *row))
+        for index, count, content, samples, estimates in rows:
+            yield _chunk_of((name, index, count, json.loads(content), samples, estimates))
 
     def forget(self, up_to: int, but: Collection[str] = ()) -> None:
         """Remove chunks up to a number that are in the history now, except those of sessions in ``but``.
@@ -254,16 +246,16 @@ class Journal:
         return [name for (name,) in rows]
 
 
-def _session_row(session: SavedSession) -> tuple[str, str, bytes]:
+def _session_row(session: SavedSession) -> tuple[str, dict[str, Any], bytes]:
     content = {"next_index": session.next_index, "counts": session.counts, "model": session.model}
-    return session.name, json.dumps(content), session.state
+    return session.name, content, session.state
 
 
-def _packed(rows: Iterable[Sequence[str | int | bytes]]) -> tuple[str, bytes]:
+def _packed(rows: Iterable[Sequence[Any]]) -> tuple[str, bytes]:
     """Pack rows as JSON with the place and length of each bytes value, from 1, and the bytes joined."""
     packed, contents, place = [], list[bytes](), 1
     for row in rows:
-        fields = list[str | int]()
+        fields: list[Any] = []
         for value in row:
             if isinstance(value, bytes):
                 fields += (place, len(value))

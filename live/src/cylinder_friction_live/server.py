@@ -25,14 +25,10 @@ LINGER_TICKS = 50
 
 
 class AnsweringProtocol(WebSocketsSansIOProtocol):
-    """Answers a message in the call that reads it, if the application can; others wait in the queue.
-
-    Attributes:
-        answer: Makes the answer to a message, or returns None if the message must wait. The application finds the
-            protocol in its scope's extensions.
-    """
+    """Answers a message in the call that reads it, if the application can; others wait in the queue."""
 
     answer: Callable[[bytes], bytes | None] | None = None
+    """Makes the answer to a message, or returns None if the message must wait; the application sets it."""
 
     async def run_asgi(self) -> None:
         """Run the application."""
@@ -48,12 +44,6 @@ class AnsweringProtocol(WebSocketsSansIOProtocol):
         else:
             self.conn.send_binary(answer)
             self.transport.write(b"".join(self.conn.data_to_send()))
-
-    def send_receive_event_to_app(self) -> None:
-        """Queue a message, and pause reading if another one waits."""
-        # At the second waiting message: a pause at each message would cost as much as handling it
-        self.read_paused = self.queue.empty()
-        super().send_receive_event_to_app()
 
 
 class LiveServer(uvicorn.Server):

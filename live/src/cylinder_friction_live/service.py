@@ -54,13 +54,6 @@ class Owner(Protocol):
         """React to the session's change to another owner."""
 
 
-class Unsettled(Protocol):
-    """Samples of some sessions that were stepped, and that these do not show yet."""
-
-    def settle(self) -> None:
-        """Add the samples and their estimates to their sessions."""
-
-
 @dataclass(slots=True)
 class LiveSession:
     """One open session."""
@@ -71,7 +64,7 @@ class LiveSession:
     slot: int  # Place of its state in the engine
     _order: SessionOrder
     noise: NoiseWindow
-    unsettled: Unsettled | None = None  # Samples that are in ``_order`` and ``_pending`` once they are settled
+    unsettled: Callable[[], None] | None = None  # Brings ``_order`` and ``_pending`` up to date
     _pending: list[PendingChunk] = field(default_factory=list)
     handed_over: list[PendingChunk] = field(default_factory=list)  # Chunks that the journal may still refuse
     kept_index: int = 0  # All samples before it are in the journal
@@ -83,7 +76,7 @@ class LiveSession:
     def settle(self) -> None:
         """Take over the samples that were stepped together with those of other sessions."""
         if self.unsettled is not None:
-            self.unsettled.settle()
+            self.unsettled()
 
     @property
     def order(self) -> SessionOrder:
@@ -96,17 +89,6 @@ class LiveSession:
         """Chunks that are not handed over yet, in order."""
         self.settle()
         return self._pending
-
-    @property
-    def growing_chunk(self) -> PendingChunk | None:
-        """The chunk that further estimates may join."""
-        pending = self.pending
-        return pending[-1] if pending and pending[-1].model is not None else None
-
-    @property
-    def last_seen_s(self) -> float:
-        """Time of the last message, on the monotonic clock [s]."""
-        return self.order.last_seen_s
 
     @property
     def next_index(self) -> int:
@@ -124,24 +106,13 @@ class LiveSession:
         chunks = [each for each in (*self.handed_over, *self.pending) if each.newtons]
         return chunks[-1].last() if chunks else self.last_kept
 
-    def give_to(self, owner: Owner | None) -> None:
-        """Change its owner."""
-        self.settle()
-        self.owner = owner
-
-    def settled(self, block: SampleBlock, estimates: EstimateBlock, last_time_s: float, now_s: float) -> None:
-        """Add samples that were stepped with those of other sessions, the last of them at ``last_time_s``."""
-        self.unsettled = None
-        self._order.passed(block, now_s)
-        self.add(block, estimates, last_time_s)
-
-    def add(self, block: SampleBlock, estimates: EstimateBlock | None, last_time_s: float | None = None) -> None:
+    def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> None:
         """Add samples to what waits for the journal."""
         pending = self.pending
-        if not (pending and pending[-1].add(block, estimates, last_time_s)):
+        if not (pending and pending[-1].add(block, estimates)):
             model, step_s = None if estimates is None else self.model, self.engine.sample_time_s
             pending.append(PendingChunk(self.name, block.index, block.time_s, step_s, self.engine.inputs, model))
-            pending[-1].add(block, estimates, last_time_s)
+            pending[-1].add(block, estimates)
 
     def hand_over(self) -> list[PendingChunk]:
         """Take the chunks that wait for the journal; from now on they count as handed over."""
@@ -165,7 +136,7 @@ class LiveSession:
             if each.newtons:
                 self.last_kept = each.last()
                 if not self.noise.waits(each.rows):
-                    self.noise.take(each.all_samples())
+                    self.noise.take(each.chunk().samples)
         self.kept_index, self.handed_over, self.begins_anew = next_index, [], ""
 
     @property
@@ -220,7 +191,7 @@ class LiveService:
         self.takers = list(takers)
         self.rules, self.limits, self._clock = rules or SessionRules(), limits or LiveLimits(), clock
         self.sessions: dict[str, LiveSession] = {}
-        self._by_handle: dict[int, LiveSession] = {}
+        self.by_handle: dict[int, LiveSession] = {}
         self._holding: dict[int, LiveSession] = {}  # Sessions with samples that wait for earlier ones, by handle
         self._next_handle = 1
         self.unkept_rows, self._kept_s = 0, clock()
@@ -258,7 +229,7 @@ class LiveService:
         if saved is not None:
             self._restore(session, saved)
         session.kept_index = session.next_index
-        self.sessions[name] = self._by_handle[session.handle] = session
+        self.sessions[name] = self.by_handle[session.handle] = session
         self._next_handle += 1
         return session
 
@@ -282,12 +253,8 @@ class LiveService:
 
     @property
     def now_s(self) -> float:
-        """The clock of ``LiveSession.last_seen_s`` [s]."""
+        """The clock of ``SessionOrder.last_seen_s`` [s]."""
         return self._clock()
-
-    def session_with(self, handle: int) -> LiveSession | None:
-        """Find the open session with a handle."""
-        return self._by_handle.get(handle)
 
     def session_of(self, block: SampleBlock) -> LiveSession:
         """Find the session of a block.
@@ -295,7 +262,7 @@ class LiveService:
         Raises:
             LiveError: No session has its handle, or its columns are not the model's.
         """
-        session = self._by_handle.get(block.handle)
+        session = self.by_handle.get(block.handle)
         if session is None:
             raise LiveError(f"handle {block.handle}: no open session has it; open the session first")
         if block.columns != len(self.engine.inputs):
@@ -324,17 +291,19 @@ class LiveService:
             order = session.order
             for piece in order.receive(block, now_s):
                 pieces.append((session, piece))  # noqa: PERF401 - one piece nearly always
-            if order.holds:
+            if order.held_rows:
                 self._holding[session.handle] = session
-            if order.late:
-                self._queue_for_journal(session)
+            for piece in order.late:
+                session.add(piece, None)
+                self.unkept_rows += piece.rows
+            order.late.clear()
         self._step(pieces)
 
     def overdue(self) -> None:
         """Step over gaps whose wait is over."""
         now_s = self._clock()
         self._step([(each, piece) for each in self._holding.values() for piece in each.order.overdue(now_s)])
-        self._holding = {handle: each for handle, each in self._holding.items() if each.order.holds}
+        self._holding = {handle: each for handle, each in self._holding.items() if each.order.held_rows}
 
     @property
     def kept_age_s(self) -> float:
@@ -393,14 +362,14 @@ class LiveService:
             each
             for each in self.sessions.values()
             if each.unsettled is None
-            and now_s - each.last_seen_s > self.limits.idle_s
+            and now_s - each.order.last_seen_s > self.limits.idle_s
             and not each.pending
             and each.kept_index == each.next_index
         ]
         for session in idle:
             self.engine.remove(session.slot)
             self._closed_outcomes.update(vars(session.order.counts))
-            del self.sessions[session.name], self._by_handle[session.handle]
+            del self.sessions[session.name], self.by_handle[session.handle]
             self._holding.pop(session.handle, None)
         return [session.name for session in idle]
 
@@ -433,17 +402,6 @@ class LiveService:
             if owner is not None:
                 owner.put_estimates(of_owner)
         self.flags.note(b"".join([bits for _, bits in results]))
-
-    def note_together(self, sessions: Sequence[LiveSession], rows: int, flags: bytes) -> None:
-        """Count estimates of sessions that were stepped together, as many rows of each."""
-        self.unkept_rows += len(sessions) * rows
-        self.flags.note(flags)
-
-    def _queue_for_journal(self, session: LiveSession) -> None:
-        for piece in session.order.late:
-            session.add(piece, None)
-            self.unkept_rows += piece.rows
-        session.order.late.clear()
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
         if not _NAME.fullmatch(name) or len(quote(name, safe="")) > LONGEST_NAME:

@@ -77,27 +77,12 @@ class SessionOrder:
             return self.overdue(now_s)
         return [self._stepped(SampleBlock(0, index, time_s, samples)), *self._released()]
 
-    def passed(self, block: SampleBlock, now_s: float) -> None:
-        """Count samples that were the next ones, and that were stepped already."""
-        self.last_seen_s = now_s
-        self._stepped(block)
-
     def overdue(self, now_s: float) -> list[SampleBlock]:
         """Take the samples to step although earlier ones are missing, because the wait for those is over."""
         pieces: list[SampleBlock] = []
         while self._held and self._is_wait_over(now_s):
             pieces += self._skip_gap()
         return pieces
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether a sample with the next index is stepped at once."""
-        return self.next_index is not None and not self._held
-
-    @property
-    def holds(self) -> bool:
-        """Whether samples wait for earlier ones."""
-        return bool(self._held)
 
     @property
     def held_rows(self) -> int:

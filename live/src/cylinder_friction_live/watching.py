@@ -120,7 +120,7 @@ class Watchers:
             "newtons": None if last is None else last.newtons,
             "flags": Flag.names(0 if last is None else last.flags),
             "lag_s": None if last is None else now_s - last.time_s,
-            "rest_s": self._service.now_s - session.last_seen_s,
+            "rest_s": self._service.now_s - session.order.last_seen_s,
             "ended": session.owner is None,
             "kept": session.kept_index,
             "counts": vars(session.order.counts),

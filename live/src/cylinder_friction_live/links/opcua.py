@@ -136,7 +136,7 @@ class OpcUaLink(Link):
                 session = service.sessions.get(name)
                 if session is None:
                     await self._mark(shown, CLOSED)
-                elif begun_s - session.last_seen_s > SILENT_S:
+                elif begun_s - session.order.last_seen_s > SILENT_S:
                     await self._mark(shown, SILENT)
             await asyncio.sleep(max(0.01, 1.0 / self._settings.update_hz - (time.monotonic() - begun_s)))
 
