@@ -6,6 +6,7 @@ from array import array
 from collections.abc import Sequence
 from functools import cache, partial
 from hashlib import sha256
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.files.whole_files import read_json
-from cylinder_friction_live.frames import NEWTONS, EstimateBlock, SampleBlock
+from cylinder_friction_live.frames import FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
 
 NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
 
@@ -108,9 +109,11 @@ class Engine:
         inputs = b"".join([samples.content for _, samples in jobs])
         outputs = np.empty((sum(rows), NEWTONS)), np.empty(sum(rows), np.uint32)
         self._batch(self._states_at, len(jobs), *numbers, inputs, *(each.ctypes.data for each in outputs))
-        ends = np.cumsum(rows)[:-1]
-        newtons, flags = (np.split(each, ends) for each in outputs)
-        return [(some.tobytes(), bits.tobytes()) for some, bits in zip(newtons, flags, strict=True)]
+        newtons, flags = (each.tobytes() for each in outputs)
+        cuts = pairwise(accumulate(rows, initial=0))
+        return [
+            (newtons[ROW_BYTES * at : ROW_BYTES * end], flags[FLAG_BYTES * at : FLAG_BYTES * end]) for at, end in cuts
+        ]
 
     def run_frames(self, slots: NDArray[np.uint32], rows: int, message: bytes, answer: NDArray[np.void]) -> bytes:
         """Step through a message of sample frames, of one slot each and with ``rows`` each; return estimate frames.

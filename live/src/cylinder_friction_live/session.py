@@ -51,8 +51,7 @@ class SessionOrder:
     rules: SessionRules = field(default_factory=SessionRules)
     next_index: int | None = None
     counts: Counts = field(default_factory=Counts)
-    last_seen_s: float = 0.0
-    """Time of the last message, on the monotonic clock."""
+    last_seen_s: float = 0.0  # Time of the last message, on the monotonic clock
     late: list[SampleBlock] = field(default_factory=list, init=False)
     """Samples that came too late for their gap, until the service takes them."""
     _held: list[_Held] = field(default_factory=list, init=False)  # Waiting blocks by index; they never overlap
@@ -87,7 +86,7 @@ class SessionOrder:
     @property
     def held_rows(self) -> int:
         """Number of samples that wait for earlier ones."""
-        return sum(len(each.samples) for each in self._held)
+        return sum([len(each.samples) for each in self._held])
 
     def _is_wait_over(self, now_s: float) -> bool:
         waited_s = now_s - min(each.since_s for each in self._held)
