@@ -25,7 +25,7 @@ from cylinder_friction.estimation.identified_model import (
     stribeck_points,
 )
 from cylinder_friction.estimation.results import load_left
-from cylinder_friction.estimation.steady_viscous import viscous_interval
+from cylinder_friction.estimation.steady_intervals import steady_intervals
 from cylinder_friction.estimation.velocity_choices import (
     FITS_ALIKE,
     LEAST_SHARE,
@@ -66,7 +66,8 @@ INTERVALS_OF_PARAMETERS = (
     f"{INTERVAL_METHOD}; widened to hold what steady sliding alone gives, and what is identified with every velocity "
     f"whose error exceeds the least by at most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} "
     "% either way at least, and by what is stated of the sensors' zeros, or uncertain of an identified load; that of "
-    "viscous friction from steady sliding alone, beside dry friction that changes with speed and pressure"
+    "viscous friction from steady sliding alone, beside dry friction that changes with speed and pressure, which also "
+    "widens that of plain Coulomb friction"
 )
 INTERVALS_OF_POINTS = (
     "Student's t over the medians of strokes, with what is stated of the sensors' zeros, or uncertain of an identified "
@@ -257,8 +258,11 @@ class ModelSearch:
 
     def _viscous_interval(self, recordings: Sequence[Recording], value: float) -> tuple[float, float]:
         """Compute the interval of viscous friction, widened to hold the value of a fit [N s/m]."""
-        lower, upper = viscous_interval(recordings, self.run.cylinder, CONFIDENCE)
+        lower, upper = self._steady(recordings)["viscous_n_s_m"]
         return max(min(lower, (1.0 - LEAST_SHARE) * value), 1e-9), max(upper, (1.0 + LEAST_SHARE) * value)
+
+    def _steady(self, recordings: Sequence[Recording]) -> dict[str, tuple[float, float]]:
+        return steady_intervals(recordings, self.run.cylinder, CONFIDENCE)
 
     def _identified(self, model: LuGre, recordings: Sequence[Recording]) -> IdentifiedModel:
         points = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE)
@@ -273,6 +277,10 @@ class ModelSearch:
             return _unidentified(model, recordings, str(error))
         intervals = widened_intervals(found, model, recordings, self.velocities, pressure, **given)
         intervals["viscous_n_s_m"] = self._viscous_interval(recordings, found.parameters.value("viscous_n_s_m"))
+        lower, upper = self._steady(recordings)["coulomb_n"]
+        if pressure is None and np.isfinite(upper):  # With pressure, Coulomb friction is that at zero gauge pressure
+            own = intervals["coulomb_n"]
+            intervals["coulomb_n"] = max(min(own[0], lower), 1e-9), max(own[1], upper)
         found = replace(found, intervals=shifted_intervals(found, intervals, self._zeros_n(recordings)))
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
         parameters = determined(model, found, points, DAMPING_RATIO, loss)

@@ -6,7 +6,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identified_model import WIDEST
-from cylinder_friction.estimation.steady_viscous import viscous_interval
+from cylinder_friction.estimation.steady_intervals import steady_intervals
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 STEP_S, VISCOUS_N_S_M = 0.005, 1500.0
@@ -17,7 +17,8 @@ def strokes(slope_n_bar: float, back_bar_per_m_s: float, seed: int) -> Recording
     """Strokes of a second at 15 speeds each way, each at a back pressure that grows with speed and varies by itself."""
     generator = np.random.default_rng(seed)
     speed, way = np.tile(SPEEDS_M_S, 2), np.tile(np.repeat([1.0, -1.0], 200), 15)
-    own_bar = np.repeat(generator.normal(0.0, 0.002 if back_bar_per_m_s else 2.0, 30), 200)
+    own_bar = generator.normal(0.0, 0.002 if back_bar_per_m_s else 2.0, (15, 2))
+    own_bar = np.repeat((own_bar - own_bar.mean(axis=0)).ravel(), 200)
     back_bar = 20.0 + back_bar_per_m_s * speed + own_bar
     friction_n = way * (300.0 + slope_n_bar * back_bar + VISCOUS_N_S_M * speed + generator.normal(0.0, 5.0, len(speed)))
     pressures = {f"pressure_{side}_pa": 1e5 * back_bar for side in (1, 2)}
@@ -32,11 +33,10 @@ def strokes(slope_n_bar: float, back_bar_per_m_s: float, seed: int) -> Recording
 def test_viscous_friction_is_told_from_pressure(
     cylinder: Cylinder, slope_n_bar: float, back_bar_per_m_s: float, known: bool
 ) -> None:
-    found = [viscous_interval([strokes(slope_n_bar, back_bar_per_m_s, seed)], cylinder, 0.95) for seed in range(20)]
-    assert abs(np.mean([lower > 0.0 and upper < WIDEST * lower for lower, upper in found]) - known) <= 0.1
-    assert not known or all(lower <= VISCOUS_N_S_M <= upper for lower, upper in found)
-
-
-def test_without_steady_sliding_viscous_friction_may_be_anything(cylinder: Cylinder) -> None:
+    found = [steady_intervals([strokes(slope_n_bar, back_bar_per_m_s, seed)], cylinder, 0.95) for seed in range(20)]
+    viscous = (each["viscous_n_s_m"] for each in found)
+    assert abs(np.mean([lower > 0.0 and upper < WIDEST * lower for lower, upper in viscous]) - known) <= 0.1
+    for name, value in (("viscous_n_s_m", VISCOUS_N_S_M), ("coulomb_n", 300.0 + 20.0 * slope_n_bar)):
+        assert not known or np.mean([each[name][0] <= value <= each[name][1] for each in found]) >= 0.9, name
     still = strokes(0.0, 0.0, 0).with_columns(velocity_m_s=np.zeros(len(SPEEDS_M_S) * 2))
-    assert viscous_interval([still], cylinder, 0.95) == (-np.inf, np.inf)
+    assert steady_intervals([still], cylinder, 0.95)["coulomb_n"] == (-np.inf, np.inf)

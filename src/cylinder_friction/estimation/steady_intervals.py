@@ -1,0 +1,60 @@
+"""Viscous and Coulomb friction in steady sliding, told from all else that changes friction along with speed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.apparent_loss import STRIBECK_SPEEDS_M_S
+from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
+from cylinder_friction.labelling.sliding_blocks import SlidingBlocks, sliding_blocks
+from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.recording import Recording
+
+NO_FALL_M_S = 1e-4
+"""A Stribeck velocity so low that dry friction does not fall at the speeds of steady sliding."""
+ALIKE = 1.05
+"""Largest ratio of an error to the least one at which another Stribeck velocity describes friction as well."""
+_NAMES = ("viscous_n_s_m", "coulomb_n")
+
+
+def steady_intervals(
+    recordings: Sequence[Recording], cylinder: Cylinder, confidence: float
+) -> dict[str, tuple[float, float]]:
+    """Compute confidence intervals of viscous friction [N s/m] and Coulomb friction [N] from labelled recordings.
+
+    In the fit, dry friction may fall with speed and change with pressure, in each direction in its own way, and each
+    recording has its own level. Pressure is that of the side that the oil leaves, as the other one contains friction.
+    Blocks of a stroke count as one. What strokes do not tell apart widens the intervals, which are infinite without
+    enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures.
+    """
+    parts = [sliding_blocks(each, cylinder, prior_n=0.0) for each in recordings]
+    blocks = SlidingBlocks.together(parts)
+    ways, speed = (blocks.direction > 0.0, blocks.direction < 0.0), np.abs(blocks.columns["velocity_m_s"])
+    if not all(way.any() for way in ways):
+        return dict.fromkeys(_NAMES, (-np.inf, np.inf))
+    part = np.repeat(np.arange(len(parts), dtype=np.int64), [len(each.stroke) for each in parts])
+    known = [speed, *(column for way in ways for column in _levels(way, part))]
+    if set(PRESSURES) <= blocks.columns.keys():
+        leaving_bar = [1e-5 * blocks.columns[name] for name in reversed(PRESSURES)]
+        known += [way * (bar - bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
+    strokes, fits = np.unique(blocks.stroke, return_inverse=True)[1].astype(np.int64), []
+    for stribeck_m_s in (NO_FALL_M_S, *STRIBECK_SPEEDS_M_S):
+        design = np.column_stack([*known, np.exp(-speed / stribeck_m_s)])
+        fit = robust_fit(design, blocks.label_n * blocks.direction)
+        half = clustered_half_widths(design, fit, strokes, confidence)
+        fits.append((float(np.abs(fit.residuals).sum()), fit.coefficients - half, fit.coefficients + half))
+    least = min(error for error, _, _ in fits)
+    alike = [(lower, upper) for error, lower, upper in fits if error <= ALIKE * least]
+    return {
+        name: (float(min(lower[place] for lower, _ in alike)), float(max(upper[place] for _, upper in alike)))
+        for place, name in enumerate(_NAMES)
+    }
+
+
+def _levels(way: Mask, part: NDArray[np.int64]) -> list[Array]:
+    """List columns for the levels of dry friction in one direction: their mean, then each recording's deviation."""
+    first, *others = np.unique(part[way])
+    return [1.0 * way, *(way * (1.0 * (part == each) - (part == first)) for each in others)]
