@@ -338,9 +338,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
             f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
             "one line per sample; name the delimiter and the decimal sign if they are unusual"
         )
-    grid, *others = grids
-    if others:
-        grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
+    grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content)
     names, units = _names_and_units(lines[:first], grid, options.header)
     return Layout(grid.delimiter, decimal or _decimal(grid), names, units, first)

@@ -48,8 +48,7 @@ def _as_text(sheet: Any) -> FileSource:
         if cells:
             rows.append(cells)
     width = max((len(row) for row in rows), default=0)
-    lines = ["\t".join([*row[:width], *[""] * (width - len(row))]) for row in rows]
-    content = "".join(f"{line}\n" for line in lines if line.strip("\t")).encode()
+    content = "".join("\t".join([*row, *[""] * (width - len(row))]) + "\n" for row in rows).encode()
     return FileSource(content, content[:HEAD_SIZE], len(content))
 
 

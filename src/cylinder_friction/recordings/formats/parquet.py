@@ -21,7 +21,9 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None, rows: int |
     unit under the key ``unit`` or ``units``.
     """
     with _opened(source) as file:
-        count, wanted = file.metadata.num_rows, _wanted_here(file, wanted)
+        count = file.metadata.num_rows
+        if wanted is not None and not any(_name(field) in wanted for field in file.schema_arrow):
+            wanted = ()  # not even time
         if count == 0:
             raise RecordingError("holds no rows; expected one row per sample")
         number = 1 if rows is None else max(1, round(count / rows))
@@ -42,12 +44,6 @@ def _parts(source: FileSource, wanted: Collection[str] | None, rows: int) -> Ite
 def _opened(source: FileSource) -> Any:
     """Open the file so that it is read page by page instead of by whole row groups."""
     return pq.ParquetFile(source.handle(), buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
-
-
-def _wanted_here(file: Any, wanted: Collection[str] | None) -> Collection[str] | None:
-    """Choose the channels to read; none, not even time, if the file has none of the wanted ones."""
-    there = wanted is None or any(_name(field) in wanted for field in file.schema_arrow)
-    return wanted if there else ()
 
 
 def _is_read(field: Any, wanted: Collection[str] | None) -> bool:
