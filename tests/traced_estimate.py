@@ -8,6 +8,7 @@ A module counts if one of its functions is called once all modules are imported.
 """
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ def main() -> None:
 
     def counted(function: Any, calls: list[str], of_log: bool) -> Any:
         def call(*arguments: Any, **more: Any) -> Any:
-            if not of_log or str(arguments[0]) == log:
+            if not of_log or os.fsdecode(arguments[0]) == log:
                 calls.append(function.__name__)
             return function(*arguments, **more)
 

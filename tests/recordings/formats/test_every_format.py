@@ -131,6 +131,13 @@ def test_what_is_no_log_is_refused_by_name(tmp_path: Path, name: str, content: b
         read_logged_file(tmp_path / name)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="names as on Linux")
+def test_a_log_is_read_from_a_folder_whose_name_is_not_utf8(tmp_path: Path) -> None:
+    (tmp_path / os.fsdecode(b"m\xe4ss")).mkdir()
+    write_sample("csv", tmp_path / os.fsdecode(b"m\xe4ss/log.csv"), 40)
+    assert len(read_logged_file(tmp_path / os.fsdecode(b"m\xe4ss/log.csv"))[0].channels) == 40
+
+
 def test_what_cannot_be_opened_is_said(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot be opened: No such file"):
         read_logged_file(tmp_path / "gone.csv")

@@ -6,6 +6,7 @@ import codecs
 import gzip
 import io
 import logging
+import os
 import re
 import warnings
 import zlib
@@ -199,7 +200,7 @@ def open_text(source: FileSource, encoding: str) -> Text:
     try:
         if codecs.lookup(named).name in ("utf-8", "utf-8-sig", "ascii"):
             in_memory = isinstance(source.origin, bytes)
-            file = pa.BufferReader(source.origin) if in_memory else pa.OSFile(str(source.origin))
+            file = pa.BufferReader(source.origin) if in_memory else pa.OSFile(os.fsencode(source.origin))
             _check_utf8(file)
             return _up_to_whole_line(file, len(mark) if mark == codecs.BOM_UTF8 else 0)
         if source.size > MOST_INDIVISIBLE:
