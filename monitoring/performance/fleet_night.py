@@ -24,8 +24,7 @@ import pandas as pd
 import yaml
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.kept_results import read_results
-from cylinder_friction.estimation.results import Result
+from cylinder_friction.estimation.results import Result, read_results
 from cylinder_friction.files.whole_files import read_json, write_json
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction_monitoring.fleet.demonstration import CHANNELS, DIMENSIONS

@@ -17,8 +17,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
-from cylinder_friction.estimation.kept_results import GONE, kept_recordings, restore_summary
-from cylinder_friction.estimation.results import FrictionOfLogs
+from cylinder_friction.estimation.results import GONE, FrictionOfLogs, kept_recordings, restore_summary
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.recording import Recording
 from logger_files import CHANNELS, STATED, write_log

@@ -13,8 +13,7 @@ from cylinder_friction.commands._model import model_folder
 from cylinder_friction.commands.arguments import FEW_FILES
 from cylinder_friction.commands.log_options import print_result, run_on_logs
 from cylinder_friction.estimation.from_logs import estimate_logs
-from cylinder_friction.estimation.kept_results import PAGE_FILE
-from cylinder_friction.estimation.results import FrictionOfLogs, remarks
+from cylinder_friction.estimation.results import PAGE_FILE, FrictionOfLogs, remarks
 from cylinder_friction.evaluation.friction_levels import in_words
 from cylinder_friction.execution.selection import workers_from_environment
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -46,7 +46,10 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.realtime.model import Bounds
 
+Outcome = TypeVar("Outcome", bound=Converted | Quarantined)
 
+ROWS_IN_MEMORY = 1 << 22
+"""Most rows that wait in memory, in equal parts for all logs; further recordings of a log wait on disk."""
 OFTEN_MISSED = 3.0
 """Bounds are reported if they miss the label this many times as often as stated."""
 
@@ -63,7 +66,7 @@ def loaded_once(folder: Path) -> FrictionEstimator:
 class LabelledRecording(Converted):
     """A recording with its friction, kept until the offset of its session is known."""
 
-    result: Path
+    result: Recording | Path
     evidence: OffsetEvidence | None  # Evidence on the sensors' offset; None with an estimator
     load: str  # The load that was identified and subtracted, in words; empty if none was
     rows: int
@@ -79,42 +82,50 @@ class RecordingFriction:
     plan: OffsetPlan
     # The estimator or its folder. With None, friction is the label less the sensors' offset, if that is known
     model: FrictionEstimator | Path | None
-    stated_load: str = ""  # The constant load that the user stated, in words; empty if none
+    stated_load: str  # The constant load that the user stated, in words; empty if none
+    scratch: Path  # Folder of recordings that wait on disk
+    rows_in_memory: int  # Most rows of a log that wait in memory
 
     @property
     def estimator(self) -> FrictionEstimator | None:
         return loaded_once(self.model) if isinstance(self.model, Path) else self.model
 
-    def of_file(self, file: LoggedFile, scratch: Path) -> list[Converted | Quarantined]:
-        """Convert a file and label its recordings; keep them until load and mass of their session are identified."""
-        if not self.labeller.needs_identification:
-            return [each if isinstance(each, Quarantined) else self.labelled(each, scratch) for each in converted(file)]
-        return [
-            each if isinstance(each, Quarantined) else replace(each, result=_kept(each.result, scratch))
-            for each in converted(file)
-        ]
+    def of_file(self, file: LoggedFile) -> list[Converted | Quarantined]:
+        """Convert a file and label its recordings, unless load or mass of their session must be identified first."""
+        outcomes, rows = list[Converted | Quarantined](), 0
+        for each in converted(file):
+            outcome = each
+            if isinstance(each, Converted):
+                rows += len(each.result)
+                outcome = each if self.labeller.needs_identification else self.labelled(each)
+            outcomes.append(self._waiting(outcome, on_disk=rows > self.rows_in_memory))
+        return outcomes
 
-    def identified(self, session: Sequence[Path]) -> SessionIdentification | str:
+    def _waiting(self, each: Outcome, *, on_disk: bool) -> Outcome:
+        if isinstance(each, Quarantined) or not on_disk:
+            return each
+        return replace(each, result=write_recording(self.scratch, each.result, uuid.uuid4().hex))
+
+    def identified(self, session: Sequence[Recording | Path]) -> SessionIdentification | str:
         """Identify load and mass of a session, or state why its recordings do not determine them."""
         try:
-            return self.labeller.identify(
-                (filtered(read_recording(each), self.filter) for each in session), self.filter
-            )
+            return self.labeller.identify((filtered(waiting(each), self.filter) for each in session), self.filter)
         except ValueError as error:
             return str(error)
 
     def labelled_in_session(
-        self, each: Converted, scratch: Path, identified: SessionIdentification | LostPiece | str
+        self, each: Converted, identified: SessionIdentification | LostPiece | str
     ) -> LabelledRecording | Quarantined:
-        """Label a kept recording, or refuse it with the reason why its session was not identified."""
+        """Label a recording, or refuse it with the reason why its session was not identified."""
         if not isinstance(identified, SessionIdentification):
             return refused_piece(each.metadata, identified)
-        return self.labelled(replace(each, result=read_recording(each.result)), scratch, identified)
+        labelled = self.labelled(replace(each, result=waiting(each.result)), identified)
+        return self._waiting(labelled, on_disk=isinstance(each.result, Path))
 
     def labelled(
-        self, each: Converted, scratch: Path, identified: SessionIdentification | None = None
+        self, each: Converted, identified: SessionIdentification | None = None
     ) -> LabelledRecording | Quarantined:
-        """Smooth and label a recording, run the estimator over it if there is one, and keep it."""
+        """Smooth and label a recording, and run the estimator over it if there is one."""
         recording: Recording = each.result
         estimator, of_session = self.estimator, None if identified is None else identified.load
         try:
@@ -130,8 +141,7 @@ class RecordingFriction:
             known = LOADED.get(self.labeller.load, "")
             evidence = offset_evidence(labelled, self.labeller.cylinder, self.plan, *self._halves(labelled), known)
         load, off_n = ("", 0.0) if of_session is None else (of_session.sentence(), of_session.expanded_n)
-        kept = _kept(labelled, scratch)
-        return LabelledRecording(each.metadata, kept, each.samples, evidence, load, len(labelled), off_n)
+        return LabelledRecording(each.metadata, labelled, each.samples, evidence, load, len(labelled), off_n)
 
     def _halves(self, recording: Recording) -> tuple[float, float]:
         """Return half the sum and half the difference of extending and retracting friction at equal positions [N]."""
@@ -197,8 +207,14 @@ class RecordingFriction:
         return "" if another_load else label_missed(recording, estimator.bounds)
 
 
-def _kept(recording: Recording, scratch: Path) -> Path:
-    return write_recording(scratch, recording, uuid.uuid4().hex)
+def waiting(result: Recording | Path) -> Recording:
+    """Return a recording that waits in memory, or read one that waits on disk."""
+    return read_recording(result) if isinstance(result, Path) else result
+
+
+def discard(result: Recording | Path) -> None:
+    if isinstance(result, Path):
+        result.unlink()
 
 
 def refused_piece(about: RecordingMetadata, reason: str | LostPiece) -> Quarantined:
@@ -277,7 +293,15 @@ class LabelledLogs:
         labeller = Labeller(cylinder, load=logs.recipe.limits.load)
         stated = logs.recipe.limits.stated_load
         words = "" if stated is None else stated.in_words()
-        self.friction = RecordingFriction(labeller, default_filter(cylinder), OffsetPlan(), model, words)
+        self.friction = RecordingFriction(
+            labeller,
+            default_filter(cylinder),
+            OffsetPlan(),
+            model,
+            words,
+            scratch,
+            min(rows_at_once, ROWS_IN_MEMORY // max(1, len(logs.files))),
+        )
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
         self.loss: ApparentLoss | None = None
@@ -301,7 +325,7 @@ class LabelledLogs:
 
     def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
         offset = self.offsets.get(each.metadata.session)
-        return self.friction.finished(read_recording(each.result), offset, self.loss), each.load
+        return self.friction.finished(waiting(each.result), offset, self.loss), each.load
 
     def labelled(
         self,
@@ -317,10 +341,10 @@ class LabelledLogs:
                 evenly spread, are used together with the new ones.
             digests: SHA-256 of the files, if they are known.
         """
-        logs, seen, of_file = self.logs, seen or SeenRecordings(), partial(self.friction.of_file, scratch=self.scratch)
+        logs, seen = self.logs, seen or SeenRecordings()
         known: dict[str, Any] = {"rows": self.rows_at_once, "digests": digests, "tables": logs.tables}
         read: list[Converted] = []
-        for each in usable(logs.files, logs.recipe, of_file, seen, workers=self.workers, **known):
+        for each in usable(logs.files, logs.recipe, self.friction.of_file, seen, workers=self.workers, **known):
             if isinstance(each, Quarantined):
                 self.refused.append(each)
             else:
@@ -340,18 +364,15 @@ class LabelledLogs:
 
     def _labelled_by_session(self, read: Sequence[Converted]) -> list[Converted]:
         """Label kept recordings once load and mass of their sessions are known; add the others to ``refused``."""
-        sessions: dict[str, list[Path]] = {}
+        sessions: dict[str, list[Recording | Path]] = {}
         for each in read:
             sessions.setdefault(each.metadata.session, []).append(each.result)
         identified = self.workers.in_order([partial(self.friction.identified, own) for own in sessions.values()])
         found = dict(zip(sessions, identified, strict=True))
-        work = [
-            partial(self.friction.labelled_in_session, each, self.scratch, found[each.metadata.session])
-            for each in read
-        ]
+        work = [partial(self.friction.labelled_in_session, each, found[each.metadata.session]) for each in read]
         labelled: list[Converted] = []
         for each, outcome in zip(read, self.workers.in_order(work), strict=True):
-            each.result.unlink()
+            discard(each.result)
             if isinstance(outcome, LabelledRecording):
                 labelled.append(outcome)
             else:

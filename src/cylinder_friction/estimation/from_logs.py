@@ -25,17 +25,23 @@ from cylinder_friction.estimation.friction_of_logs import (
     LabelledLogs,
     LabelledRecording,
     RecordingFriction,
+    discard,
     inputs,
     loaded_once,
     refused_piece,
+    waiting,
 )
-from cylinder_friction.estimation.kept_results import PAGE_FILE, SUMMARY_FILE, WRITTEN_BY, read_results, sort_logs
 from cylinder_friction.estimation.results import (
+    PAGE_FILE,
+    SUMMARY_FILE,
+    WRITTEN_BY,
     FileFormat,
     FrictionOfLogs,
     FrictionOfRecording,
     Result,
     packed,
+    read_results,
+    sort_logs,
     table_rows,
     unpacked,
     write_result,
@@ -52,7 +58,6 @@ from cylinder_friction.recordings.ingesting import SeenRecordings, digest_of, ov
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.result_folder import ResultFolder
-from cylinder_friction.recordings.storage import read_recording
 from cylinder_friction.reporting.friction_page import friction_pane, level_tables, pane_file, write_friction_page
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.smooth_signals import smooth_recording
@@ -201,7 +206,7 @@ def _write_results(
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
-        each.result.unlink()
+        discard(each.result)
     return results
 
 
@@ -222,7 +227,7 @@ def _written(
 
     ``of_file`` is the number of recordings in its log. If ``detailed``, the page also draws friction against velocity.
     """
-    finished = friction.finished(read_recording(labelled.result), offset, loss).described(depends_on=depends_on)
+    finished = friction.finished(waiting(labelled.result), offset, loss).described(depends_on=depends_on)
     entry, view = friction.entry(finished, labelled.load), None
     also = [f"{entry.name}.csv"] if file_format == "csv" else []
     result = Result(

@@ -10,9 +10,11 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-import cylinder_friction.estimation.kept_results as kept_results
 from cylinder_friction import Recording, estimate_logs
+from cylinder_friction.estimation.friction_of_logs import loaded_once
+from cylinder_friction.estimation.results import kept_recordings, made_with_model, restore_summary
 from cylinder_friction.files.whole_files import read_json, write_json, write_text
+from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.reading_logs import load_settings
 from cylinder_friction_monitoring.errors import Refused
@@ -89,12 +91,12 @@ class CylinderRun:
     @property
     def made_by(self) -> str:
         """Code, settings and model that the rows of its sessions are made with."""
-        return f"{self.code} {self.owned.indicator_plan('none')} {kept_results.made_with_model(self.results)}"
+        return f"{self.code} {self.owned.indicator_plan('none')} {made_with_model(self.results)}"
 
     def taken(self, files: Sequence[Path], any_logs: bool) -> Taken:
         """Process the new logs among ``files``. ``any_logs`` is false if the run reads no logs of any cylinder."""
         refused, notes = list[Refused](), list[str]()
-        if problem := kept_results.restore_summary(self.results):
+        if problem := restore_summary(self.results):
             words = f"is damaged ({problem}); it was made anew from the results beside it"
             refused.append(Refused(f"{RESULTS}/{self.name}/summary.json", words))
         if files:
@@ -114,14 +116,14 @@ class CylinderRun:
                     )
                 notes += [f"{self.name}: {each.message}" for each in caught]
                 refused += [Refused(f"{self.name}: {each.file}", each.reason, each.piece) for each in found.refused]
-            except kept_results.OtherCylinderError as error:
+            except OtherCylinderError as error:
                 other = str(error).partition(";")[0]
                 refused.append(Refused(self.name, f"{other}; correct `model` or `dimensions` in fleet.yaml"))
             except (ValueError, OSError) as error:
                 refused.append(Refused(self.name, f"none of its {len(files)} logs was taken: {error}"))
         logs = {
             each["source_sha256"]: (session, not any_logs or bool(files and not each["gone"]))
-            for session, recordings in kept_results.kept_recordings(self.results).items()
+            for session, recordings in kept_recordings(self.results).items()
             for each in recordings
         }
         return Taken(tuple(refused), tuple(notes), logs)
@@ -196,8 +198,8 @@ class CylinderRun:
         )
         plan = self.owned.indicator_plan("measured" if measured else "none")
         row = session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
-        stated = kept_results.stated_share(Path(self.owned.model)) if self.owned.model else None
-        return row if stated is None else replace(row, held=held_label(recordings, stated))
+        bounds = loaded_once(Path(self.owned.model)).bounds if self.owned.model else None
+        return row if bounds is None else replace(row, held=held_label(recordings, bounds.probability))
 
     def _news(
         self,
