@@ -36,8 +36,9 @@ from cylinder_friction.labelling.known_offset import STROKES, KnownOffset, Offse
 from cylinder_friction.labelling.label import Labeller, label
 from cylinder_friction.labelling.sliding_blocks import holds_load, up_and_down
 from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.conversion import logged_files
 from cylinder_friction.recordings.line_loss import LineLoss
-from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
 from cylinder_friction.rig.campaign_plan import CampaignPlan
@@ -246,7 +247,7 @@ def intervals(seed: int, quick: bool) -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as scratch:
             mapping, load = write_logs(made, Path(scratch)), load_of(world.load)
             logs = find_logs(f"{scratch}/logs/*.csv", mapping, made.cylinder, names=NAMES, load=load)
-            run = LabelledLogs(logs, made.cylinder, Path(scratch) / "kept", None)
+            run = LabelledLogs(logs, logged_files(logs), made.cylinder, Path(scratch) / "kept", None)
             labelled = list(run.recordings(MOST_ROWS))
         for quantity, held_ in intervals_of(made, run, labelled):
             yield f"95 % interval of {quantity}", name, held_

@@ -10,9 +10,9 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import InertiaMode, Labeller
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.conversion import NameRules, Recipe
-from cylinder_friction.recordings.ingesting import Source, ingest_folder
+from cylinder_friction.recordings.logs import NameRules, Recipe
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.reading_logs import Source, ingest_folder
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
@@ -87,7 +87,7 @@ def recipe_of(rig: str) -> Recipe:
         names=NameRules(r"(?P<session>(?P<condition>[^_/]+)_[^./]+)\."),
         channels={column: ChannelMapping.from_dict(entry) for column, entry in MAPPINGS[rig].items()},
         cylinder=cylinder.name,
-        limits=CheckLimits(cylinder.stroke_m, *areas, LOADS[rig]),
+        limits=CheckLimits(cylinder.stroke_m, areas, LOADS[rig]),
         time=TimeRules(),
     )
 

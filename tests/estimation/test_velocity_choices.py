@@ -1,4 +1,4 @@
-"""Off-line velocities have no delay and noise as calculated; intervals of parameters hold what zeros may shift."""
+"""Off-line velocities follow strokes and rest; intervals of parameters hold what zeros may shift."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.velocity_choices import shifted_intervals, slope, slope_noise, velocities_on_offer
+from cylinder_friction.estimation.velocity_choices import shifted_intervals, velocities_on_offer
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
@@ -21,20 +21,6 @@ def recording(position_m: np.ndarray) -> Recording:
     time_s = SAMPLE_TIME_S * np.arange(len(position_m))
     table = pd.DataFrame({"time_s": time_s, "position_m": position_m, "drive_force_n": 0.0 * time_s})
     return Recording(RecordingMetadata("r", "1", "s", SAMPLE_TIME_S), table)
-
-
-def test_a_parabola_has_its_slope_without_delay() -> None:
-    time_s = SAMPLE_TIME_S * np.arange(400)
-    velocity = slope(21, 0.0, 0.0)(recording(0.1 + 0.02 * time_s**2))
-    assert velocity.shape == (400,)
-    assert np.allclose(velocity[20:-20], 0.04 * time_s[20:-20])
-
-
-@pytest.mark.parametrize("window", [9, 41])
-def test_noise_is_as_calculated(window: int) -> None:
-    position = 0.1 + np.random.default_rng(0).normal(0.0, NOISE_M, 20_000)
-    velocity = slope(window, 0.0, 0.0)(recording(position))[100:-100]
-    assert velocity.std() == pytest.approx(slope_noise(window, NOISE_M, SAMPLE_TIME_S), rel=0.05)
 
 
 def test_every_candidate_is_zero_at_standstill_and_follows_a_stroke() -> None:

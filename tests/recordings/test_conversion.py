@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.conversion import NameRules, Recipe
-from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
+from cylinder_friction.recordings.conversion import Quarantined, recordings_of
+from cylinder_friction.recordings.logs import Logs, NameRules, Recipe
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from logger_files import CHANNELS, made_log
 
@@ -22,8 +22,12 @@ def recipe(cylinder: Cylinder, **more: Any) -> Recipe:
     return Recipe.from_settings({"channels": channels, **more}, NameRules(), cylinder, "none")
 
 
+def outcomes(path: Path, rules: Recipe, rows: int | None = PART) -> list[Recording | Quarantined]:
+    return list(recordings_of(Logs(path.parent, {path.name: path}, rules), rows))
+
+
 def parts_of(path: Path, rules: Recipe, rows: int | None = PART) -> list[Recording]:
-    found = list(recordings_of({path.name: path}, rules, rows))
+    found = outcomes(path, rules, rows)
     assert not [each for each in found if isinstance(each, Quarantined)]
     return [each for each in found if isinstance(each, Recording)]
 
@@ -91,7 +95,7 @@ def test_a_damaged_part_is_named_and_others_used(
     made_log(ROWS).to_csv(tmp_path / "log.csv", index=False)
     lines = (tmp_path / "log.csv").read_text().splitlines(keepends=True)
     (tmp_path / "log.csv").write_text("".join(change(lines)))
-    found = list(recordings_of({"log.csv": tmp_path / "log.csv"}, recipe(cylinder), PART))
+    found = outcomes(tmp_path / "log.csv", recipe(cylinder))
     (refused,) = [each for each in found if isinstance(each, Quarantined)]
     assert len(found) == 4
     with pytest.raises(RecordingError, match=reason):
@@ -100,7 +104,7 @@ def test_a_damaged_part_is_named_and_others_used(
 
 def test_newest_first_is_refused_if_long_and_turned_round_if_short(tmp_path: Path, cylinder: Cylinder) -> None:
     made_log(ROWS)[::-1].to_csv(tmp_path / "log.csv", index=False)
-    refused = list(recordings_of({"log.csv": tmp_path / "log.csv"}, recipe(cylinder), PART))
+    refused = outcomes(tmp_path / "log.csv", recipe(cylinder))
     words = "if a log too long to be read at once has its newest row first, sort it by time"
     assert all(isinstance(each, Quarantined) and each.reason.endswith(words) for each in refused)
     (whole,) = parts_of(tmp_path / "log.csv", recipe(cylinder), None)
@@ -111,6 +115,6 @@ def test_many_time_columns_are_refused(tmp_path: Path, monkeypatch: pytest.Monke
     lines = ["t;p1;t;p2;x", *(f"{row};1.5;{row};2.5;3.5" for row in range(3_000))]
     (tmp_path / "scope.csv").write_text("\n".join([*lines, ""]))
     monkeypatch.setattr("cylinder_friction.recordings.formats.delimited.MOST_INDIVISIBLE", 10_000)
-    (refused,) = recordings_of({"scope.csv": tmp_path / "scope.csv"}, recipe(cylinder), 1_000)
+    (refused,) = outcomes(tmp_path / "scope.csv", recipe(cylinder), 1_000)
     assert isinstance(refused, Quarantined)
     assert "its columns of one name (t) end at rows of their own" in refused.reason

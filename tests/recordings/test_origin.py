@@ -10,10 +10,9 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.conversion import NameRules, StartRules
+from cylinder_friction.recordings.conversion import recordings_of
 from cylinder_friction.recordings.formats.cells import start_in_header
-from cylinder_friction.recordings.ingesting import recordings_of
-from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.logs import NameRules, StartRules, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, Start
 from logger_files import CHANNELS, made_log
 
@@ -64,12 +63,6 @@ def test_a_header_states_the_start_or_none(lines: list[str], text: str | None) -
     assert (start and start.text()) == text
 
 
-def test_a_day_stays_a_day() -> None:
-    assert Start(np.datetime64("2026-03-27"), utc=False, source="header").after(90.0).text() == "2026-03-27"
-    start = Start(np.datetime64("2026-03-27T23:59:59", "ns"), utc=True, source="header")
-    assert start.after(1.5).text() == "2026-03-28T00:00:00.500Z"
-
-
 BEGIN = pd.Timestamp("2026-03-27T09:15:00Z")
 
 
@@ -115,7 +108,7 @@ def test_a_recording_knows_when_it_was_made(tmp_path: Path, cylinder: Cylinder, 
     write(made_log(4000), tmp_path / "log")
     time = {"channel": "t"} | ({} if "dates" in kind or kind == "Parquet" else {"unit": "s"})
     logs = find_logs(tmp_path / "log", {"channels": CHANNELS | {"time_s": time}, "start": rules}, cylinder)
-    found = list(recordings_of(logs.files, logs.recipe, rows))
+    found = list(recordings_of(logs, rows))
     rows_before = 0
     for recording in found:
         assert isinstance(recording, Recording), recording
@@ -166,7 +159,7 @@ def test_a_file_name_counts_if_the_log_states_no_start(tmp_path: Path, cylinder:
     made_log(4000).to_csv(tmp_path / "press_270326_1015.csv", index=False)
     rules = {"zone": "Europe/Oslo", "pattern": PATTERN}
     logs = find_logs(tmp_path, {"channels": CHANNELS, "start": rules}, cylinder)
-    (recording,) = recordings_of(logs.files, logs.recipe)
+    (recording,) = recordings_of(logs)
     assert isinstance(recording, Recording), recording
     assert recording.metadata.start == "2026-03-27T09:15:00.000Z"
     assert recording.metadata.start_source == "file name, Europe/Oslo"

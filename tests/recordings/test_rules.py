@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from cylinder_friction.recordings.checks.limits import CheckLimits, StatedLoad
-from cylinder_friction.recordings.conversion import NameRules, StartRules
 from cylinder_friction.recordings.formats.format import CsvOptions
 from cylinder_friction.recordings.line_loss import LineLoss
+from cylinder_friction.recordings.logs import NameRules, StartRules
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -31,8 +31,7 @@ def sensor(**values: Any) -> SensorScale:
         (limits, {"least_travel": 1.0}, "least_travel: expected at least 0 and less than 1, but got 1.0"),
         (limits, {"highest_pressure_pa": math.inf}, "highest_pressure_pa: expected a positive number, but got inf"),
         (limits, {"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
-        (limits, {"piston_area_m2": 1e-3}, "piston_area_m2 and annulus_area_m2: expected both or neither, but got"),
-        (limits, {"piston_area_m2": 1e-3, "annulus_area_m2": 2e-3}, "expected more than 0 and less than"),
+        (limits, {"areas_m2": (1e-3, 2e-3)}, "annulus area: expected more than 0 and less than"),
         *(
             (StatedLoad.parsed, {"text": text}, "expected none, measured, position, or a constant load in newtons")
             for text in ("heavy", "nan", "10+-x", "10+--3", "")

@@ -17,8 +17,10 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import whole_folder
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.conversion import NameRules, Recipe, checked, metadata_of, pieces_from
+from cylinder_friction.recordings.checks.recording_checks import checked_recording
+from cylinder_friction.recordings.conversion import metadata_of, pieces_from
 from cylinder_friction.recordings.formats.format import LoggedTable
+from cylinder_friction.recordings.logs import NameRules, Recipe
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.rig.campaign import RigRecording, campaign
@@ -141,7 +143,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     about = metadata_of(recipe.names.names(file), file, "", recipe)
     truth, signal_filter = logged.truth, default_filter(labeller.cylinder)
     for piece in pieces_from([LoggedTable(as_written(logged.logger))], recipe, about):
-        raw = checked(piece, recipe)
+        raw = checked_recording(piece, recipe.limits)
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))
         yield LabelledRecording(

@@ -18,6 +18,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.files.result_folder import ResultFolder, existing
 from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.labelling.apparent_loss import loss_of_labels
 from cylinder_friction.labelling.label import label, position_load
@@ -26,7 +27,6 @@ from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.reading_logs import read_recordings
-from cylinder_friction.recordings.result_folder import ResultFolder, existing
 
 EXPECTED = (ValueError, OSError)
 SUMMARY_FILE = "adaptation.json"

@@ -18,8 +18,7 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.params.checking import Params, check_params, load_params
 from cylinder_friction.params.file import PARAMS_FILE, ParamsError
-from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.logs import Recipe, find_logs
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Panes
@@ -76,9 +75,9 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
         )
     cylinder = cylinder_of(options.cylinder)
     given = {"load": load_of(options.load), "units": units_of(options.unit), "database": options.dbc}
+    given["sensor_class"] = options.sensor_class
     paths, names = [options.path, *options.overrides], options.names
     logs, notes = collect_notes(lambda: find_logs(paths, options.channels, cylinder, names=names, **given))
-    logs = logs.with_sensor_class(options.sensor_class)
     load = logs.recipe.limits.load
     filters: dict[str, SignalFilter] = {
         "adaptive": default_filter(cylinder),

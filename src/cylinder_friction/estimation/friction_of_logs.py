@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import uuid
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -33,11 +33,16 @@ from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, holds
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag, unknown_in_words
 from cylinder_friction.realtime.trained_for import pressure_noise_pa
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
-from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
-from cylinder_friction.recordings.ingesting import Converted, LoggedFile, Quarantined, SeenRecordings, converted, usable
-from cylinder_friction.recordings.reading_logs import Logs
+from cylinder_friction.recordings.conversion import (
+    Converted,
+    LoggedFile,
+    Quarantined,
+    SeenRecordings,
+    converted,
+    usable,
+)
+from cylinder_friction.recordings.logs import Logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from cylinder_friction.recordings.result_folder import existing
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 from cylinder_friction.signals.zero_phase import default_filter
@@ -91,7 +96,7 @@ class RecordingFriction:
         return loaded_once(self.model) if isinstance(self.model, Path) else self.model
 
     def of_file(self, file: LoggedFile) -> list[Converted | Quarantined]:
-        """Convert a file and label its recordings, unless load or mass of their session must be identified first."""
+        """Convert a file and label its recordings, unless ``of_session`` must first identify load or mass."""
         outcomes, rows = list[Converted | Quarantined](), 0
         for each in converted(file):
             outcome = each
@@ -106,21 +111,18 @@ class RecordingFriction:
             return each
         return replace(each, result=write_recording(self.scratch, each.result, uuid.uuid4().hex))
 
-    def identified(self, session: Sequence[Recording | Path]) -> SessionIdentification | str:
-        """Identify load and mass of a session, or state why its recordings do not determine them."""
+    def of_session(self, session: Sequence[Converted]) -> list[LabelledRecording | Quarantined]:
+        """Identify load and mass of a session, and label its recordings; refuse all if they do not determine them."""
         try:
-            return self.labeller.identify((filtered(waiting(each), self.filter) for each in session), self.filter)
+            smooth = (filtered(waiting(each.result), self.filter) for each in session)
+            identified = self.labeller.identify(smooth, self.filter)
         except ValueError as error:
-            return str(error)
-
-    def labelled_in_session(
-        self, each: Converted, identified: SessionIdentification | LostPiece | str
-    ) -> LabelledRecording | Quarantined:
-        """Label a recording, or refuse it with the reason why its session was not identified."""
-        if not isinstance(identified, SessionIdentification):
-            return refused_piece(each.metadata, identified)
-        labelled = self.labelled(replace(each, result=waiting(each.result)), identified)
-        return self._waiting(labelled, on_disk=isinstance(each.result, Path))
+            return [refused_piece(each.metadata, str(error)) for each in session]
+        found = []
+        for each in session:
+            labelled = self.labelled(replace(each, result=waiting(each.result)), identified)
+            found.append(self._waiting(labelled, on_disk=isinstance(each.result, Path)))
+        return found
 
     def labelled(
         self, each: Converted, identified: SessionIdentification | None = None
@@ -261,12 +263,12 @@ class LabelledLogs:
     """Turns logger files into recordings with their friction.
 
     Args:
-        logs: The files.
+        logs: The files that belong together, and their recipe.
+        files: The logs among them to process.
         cylinder: The cylinder that was recorded.
         scratch: A folder that may be removed afterwards.
         model: The estimator or its folder. With None, friction is the off-line label less the sensors' offset, if that
             is known.
-        rows_at_once: A log of more rows is cut into parts of about this many.
         workers: Process recordings in parallel. None processes them one after the other in this process.
 
     Attributes:
@@ -279,20 +281,20 @@ class LabelledLogs:
     def __init__(
         self,
         logs: Logs,
+        files: Sequence[LoggedFile],
         cylinder: Cylinder,
         scratch: Path,
         model: FrictionEstimator | Path | None,
-        rows_at_once: int = ROWS_AT_ONCE,
         workers: Workers | None = None,
     ) -> None:
-        self.logs, self.cylinder, self.scratch, self.rows_at_once = logs, cylinder, scratch, rows_at_once
+        self.logs, self.files, self.cylinder, self.scratch = logs, files, cylinder, scratch
         self.workers = workers or Workers()
         if not (model is None or isinstance(model, Path) or self.workers.here):
             model.save(scratch / "model")
             model = scratch / "model"  # each worker reads it once
         labeller = Labeller(cylinder, load=logs.recipe.limits.load)
         stated = logs.recipe.limits.stated_load
-        words = "" if stated is None else stated.in_words()
+        words, share = "" if stated is None else stated.in_words(), ROWS_IN_MEMORY // max(1, len(files))
         self.friction = RecordingFriction(
             labeller,
             default_filter(cylinder),
@@ -300,7 +302,7 @@ class LabelledLogs:
             model,
             words,
             scratch,
-            min(rows_at_once, ROWS_IN_MEMORY // max(1, len(logs.files))),
+            min([share, *(file.rows or share for file in files)]),
         )
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
@@ -328,10 +330,7 @@ class LabelledLogs:
         return self.friction.finished(waiting(each.result), offset, self.loss), each.load
 
     def labelled(
-        self,
-        seen: SeenRecordings | None = None,
-        evidence: Sequence[OffsetEvidence] = (),
-        digests: Mapping[str, str] | None = None,
+        self, seen: SeenRecordings | None = None, evidence: Sequence[OffsetEvidence] = ()
     ) -> list[LabelledRecording]:
         """Read, check and label each log. Return its usable recordings, which ``finished`` then completes.
 
@@ -339,19 +338,12 @@ class LabelledLogs:
             seen: Recordings of earlier runs, among which copies are searched for.
             evidence: Evidence on the sensors' offset from earlier runs. At most ``MOST_SEARCHED`` of their sessions,
                 evenly spread, are used together with the new ones.
-            digests: SHA-256 of the files, if they are known.
         """
-        logs, seen = self.logs, seen or SeenRecordings()
-        known: dict[str, Any] = {"rows": self.rows_at_once, "digests": digests, "tables": logs.tables}
-        read: list[Converted] = []
-        for each in usable(logs.files, logs.recipe, self.friction.of_file, seen, workers=self.workers, **known):
-            if isinstance(each, Quarantined):
-                self.refused.append(each)
-            else:
-                read.append(each)
+        found = list(usable(self.files, self.friction.of_file, seen or SeenRecordings(), self.workers))
         if self.friction.labeller.needs_identification:
-            read = self._labelled_by_session(read)
-        labelled = [each for each in read if isinstance(each, LabelledRecording)]
+            found += self._labelled_by_session([each for each in found if isinstance(each, Converted)])
+        self.refused += [each for each in found if isinstance(each, Quarantined)]
+        labelled = [each for each in found if isinstance(each, LabelledRecording)]
         self.load_uncertainty_n = max((each.load_uncertainty_n for each in labelled), default=0.0)
         shown = [each.evidence for each in labelled if each.evidence is not None]
         if shown:
@@ -362,33 +354,22 @@ class LabelledLogs:
             self.offsets = {each.session: each for each in offsets if each.session in sessions}
         return labelled
 
-    def _labelled_by_session(self, read: Sequence[Converted]) -> list[Converted]:
-        """Label kept recordings once load and mass of their sessions are known; add the others to ``refused``."""
-        sessions: dict[str, list[Recording | Path]] = {}
+    def _labelled_by_session(self, read: Sequence[Converted]) -> Iterator[LabelledRecording | Quarantined]:
+        """Label recordings, session by session, in their order."""
+        sessions: dict[str, list[Converted]] = {}
         for each in read:
-            sessions.setdefault(each.metadata.session, []).append(each.result)
-        identified = self.workers.in_order([partial(self.friction.identified, own) for own in sessions.values()])
-        found = dict(zip(sessions, identified, strict=True))
-        work = [partial(self.friction.labelled_in_session, each, found[each.metadata.session]) for each in read]
-        labelled: list[Converted] = []
-        for each, outcome in zip(read, self.workers.in_order(work), strict=True):
-            discard(each.result)
-            if isinstance(outcome, LabelledRecording):
-                labelled.append(outcome)
-            else:
-                reason = refused_piece(each.metadata, outcome) if isinstance(outcome, LostPiece) else outcome
-                self.refused.append(reason)
-        return labelled
+            sessions.setdefault(each.metadata.session, []).append(each)
+        work = [partial(self.friction.of_session, own) for own in sessions.values()]
+        outcomes: dict[str, LabelledRecording | Quarantined] = {}
+        for own, found in zip(sessions.values(), self.workers.in_order(work), strict=True):
+            lost = [refused_piece(each.metadata, found) for each in own] if isinstance(found, LostPiece) else found
+            outcomes |= zip((each.metadata.name for each in own), lost, strict=True)
+            for each in own:
+                discard(each.result)
+        return (outcomes[each.metadata.name] for each in read)
 
 
 def _spread(evidence: Sequence[OffsetEvidence]) -> list[OffsetEvidence]:
     sessions = sorted({each.session for each in evidence})
     chosen = set(sessions[:: -(-len(sessions) // MOST_SEARCHED) or 1])
     return [each for each in evidence if each.session in chosen]
-
-
-def inputs(files: Any, channels: Any, model: Any, logs: Logs) -> tuple[Path, ...]:
-    """List the files and folders that a run on logs reads, if they were given as paths."""
-    given = [files] if isinstance(files, str | Path) else list(files)
-    paths = [path for path in (*given, channels, model) if isinstance(path, str | Path)]
-    return (*existing(paths), *logs.files.values())

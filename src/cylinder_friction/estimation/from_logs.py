@@ -26,7 +26,6 @@ from cylinder_friction.estimation.friction_of_logs import (
     LabelledRecording,
     RecordingFriction,
     discard,
-    inputs,
     loaded_once,
     refused_piece,
     waiting,
@@ -48,16 +47,15 @@ from cylinder_friction.estimation.results import (
 )
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import LostPiece, Workers
+from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import hash_of, read_json
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
-from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
-from cylinder_friction.recordings.ingesting import SeenRecordings, digest_of, overlaps_in_words
+from cylinder_friction.recordings.conversion import SeenRecordings, logged_files, overlaps_in_words
+from cylinder_friction.recordings.logs import ROWS_AT_ONCE, Logs, find_logs
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
-from cylinder_friction.recordings.reading_logs import Logs, find_logs
-from cylinder_friction.recordings.result_folder import ResultFolder
 from cylinder_friction.reporting.friction_page import friction_pane, level_tables, pane_file, write_friction_page
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.smooth_signals import smooth_recording
@@ -127,22 +125,21 @@ def estimate_logs(
         []
     """
     into = Path(into)
-    files = files if isinstance(files, str | Path) else list(files)
     given_model = Path(model) if isinstance(model, str | Path) else model
     estimator = loaded_once(given_model) if isinstance(given_model, Path) else given_model
     if estimator is not None and estimator.trained_for is not None and not other_cylinder:
         estimator.trained_for.refuse(cylinder)
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     given: dict[str, Any] = {"names": names, "load": load, "rate_hz": rate_hz, "units": units, "database": database}
-    logs = find_logs(files, channels, cylinder, **given).with_sensor_class(sensor_class)
-    read = inputs(files, channels, model, logs)
+    logs = find_logs(files, channels, cylinder, sensor_class=sensor_class, **given)
+    read = (*logs.inputs, given_model) if isinstance(given_model, Path) else logs.inputs
     depends_on = _depends_on(logs, cylinder, given_model, file_format)
     target = ResultFolder(into, SUMMARY_FILE, WRITTEN_BY, read)
     with target.scratch() as scratch:
-        digests, there = {name: digest_of(path) for name, path in logs.files.items()}, read_results(into)
-        new_logs, kept = sort_logs(logs, digests, into, there, depends_on)
-        run = LabelledLogs(replace(logs, files=new_logs), cylinder, scratch, given_model, rows_at_once, workers)
-        labelled = _labelled(run, kept, digests, depends_on)
+        there = read_results(into)
+        new_logs, kept = sort_logs(logged_files(logs, rows_at_once), into, there, depends_on)
+        run = LabelledLogs(logs, new_logs, cylinder, scratch, given_model, workers)
+        labelled = _labelled(run, kept, depends_on)
         listed = frozenset(target.listed())
         if not listed:
             target.claim()
@@ -161,27 +158,24 @@ def estimate_logs(
             tuple(each.entry.name for each in results if each in new),
             depends_on,
             logs.guessed,
-            str(read_json(into / SUMMARY_FILE).get("loss", "")) if not run.logs.files else run.loss_in_words(),
+            str(read_json(into / SUMMARY_FILE).get("loss", "")) if not new_logs else run.loss_in_words(),
         )
         _write_summary(target, result, [name for each in results for name in each.files])
-    spans = ((each.name, each.session, each.start, each.duration_s) for each in result.recordings)
-    if overlaps := overlaps_in_words(spans):
+    if overlaps := overlaps_in_words((each, each.duration_s) for each in result.recordings):
         warnings.warn(overlaps, stacklevel=2)
     return result
 
 
-def _labelled(
-    run: LabelledLogs, kept: Sequence[Result], digests: Mapping[str, str], depends_on: Mapping[str, str]
-) -> list[LabelledRecording]:
+def _labelled(run: LabelledLogs, kept: Sequence[Result], depends_on: Mapping[str, str]) -> list[LabelledRecording]:
     """Label the new logs, together with the evidence in the kept results."""
     seen, evidence = SeenRecordings(), list[OffsetEvidence]()
-    for each in kept if run.logs.files else ():
+    for each in kept if run.files else ():
         shown, samples = unpacked(each.compared)
         seen.names[samples] = each.entry.name
         seen.files[each.entry.name] = seen.digests[each.entry.source_sha256] = each.entry.source_file
         if shown is not None and each.depends_on == depends_on:
             evidence.append(shown)
-    return run.labelled(seen, evidence, digests)
+    return run.labelled(seen, evidence)
 
 
 def _write_results(

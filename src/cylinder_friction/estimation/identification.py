@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.friction_of_logs import LabelledLogs, inputs
+from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification_page import write_identification_page
 from cylinder_friction.estimation.identified_model import (
     UNSEPARATED,
@@ -38,6 +38,7 @@ from cylinder_friction.estimation.velocity_choices import (
     widened_intervals,
 )
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
+from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
@@ -45,10 +46,9 @@ from cylinder_friction.friction_models.identification.steady_points import known
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
-from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
-from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.conversion import Quarantined, logged_files, none_usable, other_rates
+from cylinder_friction.recordings.logs import ROWS_AT_ONCE, find_logs
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.result_folder import ResultFolder
 from cylinder_friction.signals.motion import STEADY_DURATION_S
 from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures
@@ -153,12 +153,10 @@ def identify_logs(
     into = Path(into)
     if generations < 1:
         raise ValueError(f"generations: got {generations}, but expected at least 1")
-    files = files if isinstance(files, str | Path) else list(files)
     given: dict[str, Any] = {"names": names, "load": load, "units": units, "database": database}
-    logs = find_logs(files, channels, cylinder, **given).with_sensor_class(sensor_class)
-    read = inputs(files, channels, None, logs)
-    with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", read).written() as folder:
-        run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
+    logs = find_logs(files, channels, cylinder, sensor_class=sensor_class, **given)
+    with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", logs.inputs).written() as folder:
+        run = LabelledLogs(logs, logged_files(logs, ROWS_AT_ONCE), cylinder, folder / ".scratch", None)
         shown = tqdm(run.recordings(MOST_ROWS), "read and label", len(logs.files), unit="recording", disable=None)
         labelled = list(shown)
         shutil.rmtree(run.scratch, ignore_errors=True)

@@ -18,7 +18,7 @@ from cylinder_friction.estimation.identified_model import (
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
 from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.recordings.ingesting import Quarantined
+from cylinder_friction.recordings.conversion import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table, offset_table
 from cylinder_friction.reporting.page import (

@@ -13,21 +13,18 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from cylinder_friction.evaluation.friction_levels import FrictionLevel, RecordingDifference, differences
+from cylinder_friction.files.result_folder import ResultFolder, refuse_foreign
 from cylinder_friction.files.whole_files import read_json, whole_file, write_text
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
-from cylinder_friction.recordings.ingesting import Quarantined
+from cylinder_friction.recordings.conversion import LoggedFile, Quarantined
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.result_folder import ResultFolder, refuse_foreign
 from cylinder_friction.recordings.storage import read_beside, write_recording
-
-if TYPE_CHECKING:
-    from cylinder_friction.recordings.reading_logs import Logs
 
 FileFormat = Literal["parquet", "csv"]
 """``csv`` writes a CSV file beside each Parquet file; ``parquet`` does not."""
@@ -117,19 +114,11 @@ class FrictionOfLogs:
 
 def remarks(each: FrictionOfRecording) -> list[str]:
     """List remarks on a recording besides its numbers."""
+    not_known = each.not_known and f"not to be used as it is: {each.not_known}"
+    load = "" if each.load == "none" else f"load: {each.load}"
     flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
-    left = load_left(each)
-    gone = [each.gone] if each.gone else []
-    unlike = [f"not to be used as it is: {each.not_known}"] if each.not_known else []
-    unlike += [each.unlike_training] if each.unlike_training else []
-    return [
-        *gone,
-        *unlike,
-        *([left] if left else []),
-        *([] if each.load == "none" else [f"load: {each.load}"]),
-        *flags,
-        *each.repairs,
-    ]
+    words = [each.gone, not_known, each.unlike_training, load_left(each), load, *flags, *each.repairs]
+    return [each for each in words if each]
 
 
 def load_left(each: FrictionOfRecording) -> str:
@@ -257,9 +246,9 @@ def read_results(folder: Path) -> list[Result]:
 
 
 def sort_logs(
-    logs: Logs, digests: Mapping[str, str], folder: Path, results: Iterable[Result], depends_on: Mapping[str, str]
-) -> tuple[dict[str, Path], list[Result]]:
-    """Return the logs that are new, by their paths below the root, and the results to keep.
+    logs: Sequence[LoggedFile], folder: Path, results: Iterable[Result], depends_on: Mapping[str, str]
+) -> tuple[list[LoggedFile], list[Result]]:
+    """Return the logs that are new, and the results to keep.
 
     A log is not new if all its results exist and were made from the same bytes under the same name, with the same
     cylinder, mapping, model and code. Every other log is new. All logs of its session are then processed again, because
@@ -267,7 +256,6 @@ def sort_logs(
 
     Args:
         logs: All logs of this run.
-        digests: SHA-256 of each log.
         folder: The folder of results.
         results: The statements of its results.
         depends_on: SHA-256 of each thing besides the logs that results depend on.
@@ -278,21 +266,23 @@ def sort_logs(
     of_file: defaultdict[str, list[Result]] = defaultdict(list)
     for each in results:
         of_file[each.entry.source_file].append(each)
+    digests = {log.name: log.digest for log in logs}
     known = {name: own[0].entry.source_sha256 for name, own in of_file.items()}
     if known.keys() & digests.keys() and not {*known.values()} & {*digests.values()}:
         _refuse_other_cylinder(folder, [of_file[name][0] for name in known.keys() & digests.keys()], depends_on)
-    complete = {name for name, digest in digests.items() if _all_there(of_file.get(name, ()), digest, folder)}
+    complete = {name for name, digest in digests.items() if _all_there(of_file.get(name, []), digest, folder)}
     same = {name for name in complete if all(each.depends_on == depends_on for each in of_file[name])}
     new = digests.keys() - same
-    sessions = {_session(logs, name) for name in new} - {""}
-    new |= {name for name in same if _session(logs, name) in sessions}
+    session = {log.name: _session(log) for log in logs}
+    sessions = {session[name] for name in new} - {""}
+    new |= {name for name in same if session[name] in sessions}
     gone = {name for name, digest in known.items() if name not in digests and digest not in digests.values()}
     kept = [each for name in same - new for each in of_file[name]]
     for each in (each for name in gone for each in of_file[name]):
         unlike = [key for key in depends_on if each.depends_on.get(key) != depends_on[key]]
         words = f"; it was processed with another {' and another '.join(unlike)}" if unlike else ""
         kept.append(replace(each, entry=replace(each.entry, gone=GONE + words)))
-    return {name: path for name, path in logs.files.items() if name in new}, kept
+    return [log for log in logs if log.name in new], kept
 
 
 def _refuse_other_cylinder(folder: Path, replaced: Iterable[Result], depends_on: Mapping[str, str]) -> None:
@@ -311,9 +301,9 @@ def _all_there(own: Sequence[Result], digest: str, folder: Path) -> bool:
     return bool(own) and alike and all((folder / name).is_file() for each in own for name in each.beside)
 
 
-def _session(logs: Logs, name: str) -> str:
+def _session(log: LoggedFile) -> str:
     try:
-        return logs.recipe.names.names(name).session
+        return log.recipe.names.names(log.name).session
     except RecordingError:
         return ""
 

@@ -8,8 +8,8 @@ from pydantic import Field, field_validator, model_validator
 
 from cylinder_friction.params.section import Count, NotNegative, Positive, Section, Seed
 from cylinder_friction.recordings.checks.limits import CheckRules, LoadMode
-from cylinder_friction.recordings.conversion import NameRules, StartRules
 from cylinder_friction.recordings.formats.format import CsvOptions
+from cylinder_friction.recordings.logs import NameRules, StartRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 from cylinder_friction.signals.zero_phase import SavitzkyGolay

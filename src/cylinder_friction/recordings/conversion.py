@@ -1,226 +1,143 @@
-"""Convert one logger file to recordings: read, map, screen, align and check it.
+"""Convert logger files to recordings: read, map, screen, align and check each; refuse copies, and name overlaps.
 
 A log that is too long for memory is cut into parts of some minutes. Each part is read as a separate log.
 """
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
+import hashlib
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
-from unicodedata import category
-from zoneinfo import ZoneInfo
+from typing import Any, TypeVar
 
 import numpy as np
 
-from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode, StatedLoad
-from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
+from cylinder_friction.execution.workers import LostPiece, Workers
+from cylinder_friction.files.whole_files import hash_of
+from cylinder_friction.recordings.checks.recording_checks import checked_recording
 from cylinder_friction.recordings.checks.screening import screen_signals
-from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
-from cylinder_friction.recordings.formats.cells import is_future
-from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, SAMPLE_COLUMNS, TIME
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.line_loss import RECTANGULAR
-from cylinder_friction.recordings.mapping.channel_mapping import (
-    ChannelMapping,
-    sensor_limits,
-    sensor_uncertainty,
-    wanted_channels,
-)
+from cylinder_friction.recordings.logs import Logs, Recipe
+from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, sensor_uncertainty, wanted_channels
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.recording import (
-    UNNAMED,
+    Columns,
     Recording,
     RecordingError,
     RecordingMetadata,
     SensorUncertainty,
-    Start,
 )
 from cylinder_friction.recordings.timeline.aligning import align
-from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-KEYS = (
-    *("channels", "source", "truth", "pattern", "name_pattern", "load", "oil_temperature"),
-    *("csv", "database", "asset", "start", "time", "checks"),
-)
-"""Keys of an ingest configuration."""
-ROWS_AT_ONCE = 1 << 18
-"""Approximate number of rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
+RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
+"""Largest difference of samples that count as equal, because units or formats differ [m, N]; pressures: 1e-3 Pa."""
+OVERLAP_S = 2.0
+"""Shortest overlap that is named [s], because starts are rounded."""
+MOST_NAMED = 3  # Most pairs that a sentence names
 
 
-START_PARTS = ("year", "month", "day", "hour", "minute", "second")
+def samples_hash(columns: Columns) -> str:
+    """Hash a recording's samples as logged (SHA-256), because a zero that is subtracted may differ from run to run."""
+    digest = hashlib.sha256()
+    for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
+        if name in columns:
+            digest.update(np.rint(columns[name] / RESOLUTION.get(name, 1e-3)).astype(np.int64).tobytes())
+    return digest.hexdigest()
 
 
-def _groups(pattern: str | None, what: str) -> Mapping[str, int]:
-    try:
-        return re.compile(pattern or "").groupindex
-    except re.error as error:
-        raise RecordingError(f"{what} {pattern!r} is not a regular expression: {error}") from None
+@dataclass
+class SeenRecordings:
+    """Recordings of this run and of earlier runs, among which copies are searched for."""
+
+    files: dict[str, str] = field(default_factory=dict)  # File by name of its recording
+    digests: dict[str, str] = field(default_factory=dict)  # File by SHA-256 of its bytes
+    names: dict[str, str] = field(default_factory=dict)  # Name of the recording by ``samples_hash``
+
+    def problem(self, name: str, file: str, samples: str) -> str:
+        """State whether name or ``samples_hash`` of a recording are known; if not, remember them and return nothing."""
+        if name in self.files:
+            return f"has the name {name!r}, which {self.files[name]} has already"
+        if (copy := self.names.get(samples)) is not None:
+            return (
+                f"holds the same samples as recording {copy!r} of {self.files[copy]}; a copy would be counted twice, "
+                "and a model could be tested on its own training data; keep one of them"
+            )
+        self.files[name], self.names[samples] = file, name
+        return ""
+
+
+def overlaps_in_words(recordings: Iterable[tuple[Any, float]]) -> str:
+    """Name recordings of one session that overlap in time; empty if none do.
+
+    A recording is stated by its metadata, or its entry in a summary, and its duration [s].
+    """
+    sessions: dict[tuple[str, bool], list[tuple[float, float, str]]] = {}
+    for who, duration_s in recordings:
+        if "T" in who.start:  # a day without a time shows no overlap
+            begin_s = float(np.datetime64(who.start.rstrip("Z"), "ms").astype(np.int64)) * 1e-3
+            clock = who.session, who.start.endswith("Z")
+            sessions.setdefault(clock, []).append((begin_s, begin_s + duration_s, who.name))
+    pairs: list[str] = []
+    for spans in map(sorted, sessions.values()):
+        ends_s, longest = spans[0][1:]
+        for begin_s, end_s, name in spans[1:]:
+            if ends_s - begin_s > OVERLAP_S:
+                pairs.append(f"{longest} and {name} by {min(ends_s, end_s) - begin_s:.4g} s")
+            if end_s > ends_s:
+                ends_s, longest = end_s, name
+    if not pairs:
+        return ""
+    more = f" and {len(pairs) - MOST_NAMED} more" if len(pairs) > MOST_NAMED else ""
+    return (
+        f"recordings of one session overlap in time: {', '.join(pairs[:MOST_NAMED])}{more}; if they are of the same "
+        "stretch, keep one of them; otherwise correct the clock, or the session in the names"
+    )
 
 
 @dataclass(frozen=True)
-class NameRules:
-    """How a file's path below the source states condition and session.
+class Quarantined:
+    """A file (its path below the source), or a ``piece`` of one, that did not become a recording, and why."""
 
-    ``pattern`` is a regular expression with the group ``session`` and optionally ``condition`` (by default "1"),
-    ``load`` and ``asset``. None makes each file a session of its own, named as its recording.
+    file: str
+    reason: str
+    piece: str = ""
+
+    @property
+    def where(self) -> str:
+        return f"{self.file} ({self.piece})" if self.piece else self.file
+
+
+@dataclass(frozen=True)
+class LoggedFile:
+    """A file to be converted, and everything that its conversion depends on.
+
+    ``name`` is its path below the source, with ``/``. It states condition and session.
     """
 
-    pattern: str | None = None
-
-    def __post_init__(self) -> None:
-        groups = _groups(self.pattern, "name pattern")
-        if self.pattern is not None and "session" not in groups:
-            raise RecordingError(
-                f"name pattern {self.pattern!r} has no group 'session'; write (?P<session>...) around the part of the "
-                "path that names the session"
-            )
-
-    def names(self, relative_path: str) -> RecordingMetadata:
-        """Find name, condition, session, load and machine of a file by its path relative to the source, with ``/``.
-
-        Raises:
-            RecordingError: The pattern does not match, or the name is not allowed on other systems.
-        """
-        if "\\" in relative_path or {"Cc", "Cs"} & set(map(category, relative_path)):
-            raise RecordingError(
-                f"path {relative_path!r} holds a backslash, a control character or bytes that are not UTF-8; rename "
-                "the file"
-            )
-        name = name_of(relative_path)
-        if self.pattern is None:
-            return RecordingMetadata(name, "1", name, math.nan)
-        match = re.search(self.pattern, relative_path)
-        groups = {"condition": "1", **match.groupdict()} if match else {}
-        condition, session, load, asset = (groups.get(key) or "" for key in ("condition", "session", "load", "asset"))
-        if not condition or not session:
-            raise RecordingError(
-                f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
-                f"{'nothing in it' if match is None else groups}; rename the file, or change the "
-                "pattern: name_pattern in the mapping, or --names"
-            )
-        return RecordingMetadata(name, condition, session, math.nan, load=load, asset=asset)
-
-
-def name_of(path: str) -> str:
-    """Make a recording's name from its file's path: drop the last suffix and replace ``/`` by ``-``."""
-    stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
-    return stem.replace("/", "-")
+    name: str
+    path: Path
+    recipe: Recipe
+    digest: str = ""  # SHA-256 of its bytes
+    rows: int | None = None  # Approximate number of rows of the parts that a longer file is cut into; None: not cut
+    tables: tuple[LoggedTable, ...] = ()  # Its tables, if it was read before
 
 
 @dataclass(frozen=True)
-class StartRules:
-    """A mapping's rules for the start of logs."""
+class Converted:
+    """A recording that passed the checks of its file, or the result of a later step."""
 
-    zone: str | None = None  # Time zone of the logger's clock, such as Europe/Oslo, if the logs state none
-    # Regular expression for the path below the source, for logs without a start. Groups: ``year`` (two or four digits),
-    # ``month``, ``day``, and optionally ``hour``, ``minute`` and ``second``
-    pattern: str | None = None
-
-    def __post_init__(self) -> None:
-        try:
-            _ = self.zone is None or ZoneInfo(self.zone)
-        except (KeyError, ValueError, OSError) as error:
-            raise RecordingError(
-                f"start: zone: got {self.zone!r}, expected a name of the time zone database such as Europe/Oslo"
-            ) from error
-        groups = _groups(self.pattern, "start: pattern").keys()
-        if self.pattern is not None and not {*START_PARTS[:3]} <= groups <= {*START_PARTS}:
-            raise RecordingError(
-                f"start: pattern: got groups {', '.join(groups) or 'none'}, expected {', '.join(START_PARTS[:3])} and, "
-                f"if the name has them, {', '.join(START_PARTS[3:])}"
-            )
-
-    def named(self, path: str) -> Start | None:
-        """Read the start in a file's name; None without a date that may be one."""
-        found = None if self.pattern is None else re.search(self.pattern, path)
-        if found is None:
-            return None
-        parts = {name: int(text) for name, text in found.groupdict().items() if text}
-        parts["year"] += 2000 if parts["year"] < 100 else 0
-        year, month, day, hour, minute, second = (parts.get(name, 0) for name in START_PARTS)
-        try:
-            at = np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "ns")
-        except ValueError:
-            return None
-        words = "file name" if "hour" in parts else "file name, a date without a time of day"
-        start = Start(at if "hour" in parts else at.astype("datetime64[D]"), False, words)
-        return None if is_future(at) else start
-
-    def in_utc(self, start: Start | None) -> Start | None:
-        """Convert a start to UTC if the zone is known; a day, or an hour that was twice or never, stays unchanged."""
-        if start is None or start.utc or self.zone is None or start.day_only:
-            return start
-        local, zone = start.at.astype("datetime64[us]").item(), ZoneInfo(self.zone)
-        offsets = {local.replace(tzinfo=zone, fold=fold).utcoffset() for fold in (0, 1)}
-        if len(offsets) > 1:
-            return replace(start, source=f"{start.source}; in {self.zone} that hour was twice or never")
-        at = start.at - np.timedelta64(offsets.pop(), "ns")
-        return replace(start, at=at, utc=True, source=f"{start.source}, {self.zone}")
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """Settings for converting a logger's files to recordings.
-
-    ``channels`` maps columns to channels. ``cylinder`` is the cylinder's name.
-    """
-
-    names: NameRules
-    channels: Mapping[str, ChannelMapping]
-    cylinder: str
-    limits: CheckLimits
-    csv: CsvOptions = field(default_factory=CsvOptions)
-    time: TimeRules = field(default_factory=TimeRules)
-    start: StartRules = field(default_factory=StartRules)
-    asset: str = ""  # Name of the machine, if the files' names do not state it
-    database: Path | None = None  # DBC file of the bus, for files that contain CAN frames
-
-    @classmethod
-    def from_settings(
-        cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode | StatedLoad
-    ) -> Recipe:
-        """Make the recipe from an ingest configuration (``conf/ingest/*.yaml`` as nested dictionaries).
-
-        ``settings`` contains ``channels``; other keys are optional. Recordings are checked against the cylinder's
-        stroke and areas.
-        """
-        if unknown := sorted(settings.keys() - KEYS):
-            raise RecordingError(f"mapping: key {unknown[0]!r} is not known; expected some of {', '.join(KEYS)}")
-        channels = {
-            column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
-            for column, entry in settings["channels"].items()
-        }
-        channels = {column: each.for_stroke(column, cylinder.stroke_m) for column, each in channels.items()}
-        steps = {column: limits.step for column, limits in sensor_limits(channels).items() if limits.step}
-        limits = CheckLimits(
-            cylinder.stroke_m,
-            cylinder.piston_area_m2,
-            cylinder.annulus_area_m2,
-            "measured" if isinstance(load, StatedLoad) else load,
-            steps,
-            cylinder.rod_diameter_1_m,
-            load if isinstance(load, StatedLoad) else None,
-            **settings.get("checks", {}),
-        )
-        return cls(
-            names=names,
-            channels=channels,
-            cylinder=cylinder.name,
-            limits=limits,
-            csv=CsvOptions(**settings.get("csv", {})),
-            time=TimeRules(**settings.get("time", {})),
-            start=StartRules(**settings.get("start", {})),
-            asset=settings.get("asset") or "",
-            database=Path(settings["database"]) if settings.get("database") else None,
-        )
+    metadata: RecordingMetadata
+    result: Any  # The recording, or the result of a later step
+    samples: str  # Its ``samples_hash``, by which copies are found
 
 
 def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[LoggedTable]:
@@ -262,7 +179,7 @@ def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe:
 def pieces_from(
     tables: Sequence[LoggedTable],
     recipe: Recipe,
-    about: RecordingMetadata = UNNAMED,
+    about: RecordingMetadata,
     *,
     screened: bool = True,
     rows_before: int = 0,
@@ -331,7 +248,110 @@ def pieces_of_tables(
             yield each, f"part {number:0{width}d}"
 
 
-def checked(piece: Recording, recipe: Recipe) -> Recording:
-    """Check a piece. The first check that fails raises ``RecordingError``."""
-    findings = inspect_recording(piece.columns, recipe.limits, piece.sample_time_s)
-    return checked_recording(piece.metadata, piece.columns, findings)
+def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
+    """Read, map, screen, align and check a file; yield each recording, or the reason why there is none."""
+    piece = ""
+    try:
+        about = metadata_of(file.recipe.names.names(file.name), file.name, file.digest, file.recipe)
+        tables = file.tables or open_tables(file.path, file.recipe, file.rows)
+        for found, piece in pieces_of_tables(tables, file.recipe, about):
+            try:
+                if isinstance(found, RecordingError):
+                    raise found
+                recording = checked_recording(found, file.recipe.limits)
+            except RecordingError as error:
+                yield Quarantined(file.name, str(error), piece)
+                continue
+            yield Converted(recording.metadata, recording, samples_hash(found.columns))
+    except (RecordingError, OSError) as error:
+        yield Quarantined(file.name, str(error), piece and f"after {piece}")
+
+
+def recordings_of(logs: Logs, rows: int | None = None) -> Iterator[Recording | Quarantined]:
+    """Yield the recordings of each log in turn, or the reason why they are unusable; see ``logged_files``."""
+    for each in usable(logged_files(logs, rows), converted, SeenRecordings()):
+        yield each.result if isinstance(each, Converted) else each
+
+
+def logged_files(logs: Logs, rows: int | None = None) -> list[LoggedFile]:
+    """List logs with their hashes. A file that cannot be read has none, and a later step refuses it."""
+    files = []
+    for name, path in logs.files.items():
+        try:
+            digest = hash_of(path)
+        except OSError:
+            digest = ""
+        files.append(LoggedFile(name, path, logs.recipe, digest, rows, tuple(logs.tables.get(name, ()))))
+    return files
+
+
+OfFile = TypeVar("OfFile", bound=Converted)
+Item = TypeVar("Item")
+
+
+def shown(items: Iterable[Item], words: str, total: int, unit: str) -> Iterable[Item]:
+    """Show a progress bar over the items if standard error is a terminal."""
+    if not (sys.stderr and sys.stderr.isatty()):
+        return items
+    from tqdm import tqdm  # slow to import, so only if a bar is shown
+
+    return tqdm(items, words, total, unit=unit)
+
+
+def usable(
+    files: Iterable[LoggedFile],
+    work: Callable[[LoggedFile], Iterable[OfFile | Quarantined]],
+    seen: SeenRecordings,
+    workers: Workers | None = None,
+) -> Iterator[OfFile | Quarantined]:
+    """Do the ``work`` on each file; yield its results in order, and refuse copies of a file or a recording.
+
+    Args:
+        files: Files whose recipe has channels that have passed ``check_mapping``.
+        work: Converts one file. With ``workers``, its results must be picklable.
+        seen: Recordings that were converted before; the new ones are added.
+        workers: Process files in parallel. None processes them one after the other in this process.
+    """
+    workers, copies, own = workers or Workers(), list[Quarantined](), list[LoggedFile]()
+    for file in files:
+        if file.digest in seen.digests:
+            reason = f"holds the same bytes as {seen.digests[file.digest]}; a copy would be counted twice"
+            copies.append(Quarantined(file.name, reason))
+            continue
+        if file.digest:
+            seen.digests[file.digest] = file.name
+        own.append(file)
+    done = workers.in_order([partial(work, file) for file in own])
+    for file, outcomes in zip(own, shown(done, "ingest", len(own), "file"), strict=True):
+        if isinstance(outcomes, LostPiece):
+            yield Quarantined(file.name, outcomes.reason)
+            continue
+        found = list(outcomes)
+        for each in found:
+            if isinstance(each, Quarantined):
+                yield each
+            elif problem := seen.problem(each.metadata.name, file.name, each.samples):
+                yield Quarantined(file.name, problem, each.metadata.name if len(found) > 1 else "")
+            else:
+                yield each
+    yield from copies
+
+
+def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:
+    """Refuse, by name, recordings without the commonest sample time, because an estimator has one rate."""
+    counts = Counter(entry.sample_time_s for entry in metadata)
+    common, count = counts.most_common(1)[0] if counts else (0.0, 0)
+    return {
+        entry.name: Quarantined(
+            entry.source_file,
+            f"has a sample time of {entry.sample_time_s:.9g} s, but {count} of {counts.total()} recordings have "
+            f"{common:.9g} s; name one rate for all as time.rate_hz in the mapping, or take it on its own",
+        )
+        for entry in metadata
+        if entry.sample_time_s != common
+    }
+
+
+def none_usable(where: str, files: int, first: Quarantined) -> RecordingError:
+    """Make the error for a run in which every file was refused."""
+    return RecordingError(f"{where}: none of {files} files is usable; the first, {first.file}: {first.reason}")

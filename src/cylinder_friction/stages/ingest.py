@@ -11,8 +11,8 @@ from tqdm import tqdm
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, OTHER_POSITIONS
-from cylinder_friction.recordings.conversion import NameRules, Recipe
-from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
+from cylinder_friction.recordings.logs import NameRules, Recipe
+from cylinder_friction.recordings.reading_logs import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, flat

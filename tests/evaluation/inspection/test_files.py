@@ -8,7 +8,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.conversion import NameRules, Recipe
+from cylinder_friction.recordings.logs import NameRules, Recipe
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.recording import Recording
 from inspected_recordings import made_strokes
@@ -19,7 +19,7 @@ CHANNELS = {"time_s": "s", "pressure_1_pa": "Pa", "pressure_2_pa": "Pa", "positi
 @pytest.fixture(scope="module")
 def recipe(cylinder: Cylinder) -> Recipe:
     channels = {name: ChannelMapping.from_dict({"channel": name, "unit": unit}) for name, unit in CHANNELS.items()}
-    limits = CheckLimits(cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2)
+    limits = CheckLimits(cylinder.stroke_m, (cylinder.piston_area_m2, cylinder.annulus_area_m2))
     names = NameRules(pattern=r"(?P<session>(?P<condition>[a-z]+)\d+)_")
     return Recipe(names, channels, cylinder.name, limits)
 

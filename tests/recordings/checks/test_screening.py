@@ -122,8 +122,6 @@ def test_a_position_sensor_shorter_than_the_stroke_saturates() -> None:
     short = {"position_m": SensorLimits(0.0, 0.2, None, "0 to 200 mm")}
     with pytest.raises(RecordingError, match=r"position_m is 0.2 m in row .* the end of its sensor's range of 0 to"):
         screen_signals({"position_m": Signal(TIME_S, values)}, short, STROKE_M)
-    signals, _ = screen_signals({"position_m": Signal(TIME_S, values)}, short)
-    assert signals["position_m"].values is values  # nobody said where the stroke ends
 
 
 def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> None:

@@ -14,8 +14,8 @@ import pytest
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.recording_checks import check_position_steps
-from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
-from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.conversion import Quarantined, recordings_of
+from cylinder_friction.recordings.logs import find_logs
 from logger_files import CHANNELS, made_log
 
 ROWS, LEAST_NAMED = 8000, 28
@@ -91,8 +91,7 @@ def fastest(x: Array, first: int, last: int) -> int:
 def told(log: pd.DataFrame, folder: Path, cylinder: Cylinder) -> str:
     """Return what is repaired, noted or refused of a log."""
     log.to_csv(folder / "log.csv", index=False)
-    logs = find_logs(folder / "log.csv", STATED, cylinder)
-    outcomes = recordings_of(logs.files, logs.recipe)
+    outcomes = recordings_of(find_logs(folder / "log.csv", STATED, cylinder))
     return " | ".join(
         each.reason if isinstance(each, Quarantined) else " | ".join(each.metadata.repairs) for each in outcomes
     )
@@ -112,48 +111,40 @@ def test_thirty_faults_are_named(tmp_path: Path, cylinder: Cylinder, capsys: pyt
     assert len(faults) - len(unnamed) >= LEAST_NAMED
 
 
-def test_single_samples_that_are_off_are_noted() -> None:
-    log = made_log(ROWS)
-    log.loc[[2000, 2600, 2601, 3300, 4000, 5500], "x"] += np.array([3.0, -3.0, -3.0, 3.0, -3.0, 3.0])
-    (finding,) = check_position_steps(log["x"].to_numpy() / 1e3, log["t"].to_numpy(), 0.25)
-    assert finding.outcome == "noted"
-    assert finding.text.startswith(
-        "position_m has 5 single samples that no piston can follow (first: row 2000, at 9.99"
-    )
+TIME_S = 0.005 * np.arange(6000)
+STROKES_M = 0.125 + 0.05 * np.sin(0.4 * np.pi * TIME_S)
+NOISE = np.random.default_rng(1).normal(size=6000)
+SINGLE = np.isin(np.arange(6000), [2000, 2600, 2601, 3300, 4000]) * np.where(TIME_S < 12.0, 0.003, -0.003)
+RESTING = np.round(0.3 + np.clip(0.02 * (TIME_S - 5.0), 0.0, 0.05), 4)  # a coarse converter, then motion
 
 
-def test_a_sound_position_has_no_fault() -> None:
-    log, time_s = made_log(ROWS), 0.005 * np.arange(2000)
-    stopped = np.clip(0.1 * time_s, 0.2, 0.6)  # hits a stop at 100 mm/s
-    resting = np.full(2000, 0.3)
-    resting[1000:] += np.clip(0.02 * (time_s[1000:] - 5.0), 0.0, 0.05)  # a coarse converter, then motion
-    for x, stroke_m in ((log["x"].to_numpy() / 1e3, 0.25), (stopped, 0.85), (np.round(resting, 4), 0.25)):
-        assert check_position_steps(x, 0.005 * np.arange(len(x)), stroke_m) == []
+def ended(at_m: float) -> Array:
+    """Drive a sensor with noise against the end of its range."""
+    return np.minimum(np.clip(0.05 * (TIME_S - 5.0), 0.02, at_m + 0.01) + 2e-5 * NOISE, at_m)
 
 
-def test_a_sensor_at_the_end_of_its_range_is_not_held_for_lack_of_noise() -> None:
-    noise_m = np.random.default_rng(0).normal(0.0, 2e-5, 4000)
-    time_s = 0.005 * np.arange(len(noise_m))
-    for at_end_m, outcomes in ((0.25, []), (0.1, ["noted"])):
-        position_m = np.minimum(np.clip(0.05 * (time_s - 5.0), 0.02, at_end_m + 0.01) + noise_m, at_end_m)
-        found = check_position_steps(position_m, time_s, 0.25)
-        assert [each.outcome for each in found if "without the noise" in each.text] == outcomes
-
-
-def test_a_small_jump_is_noted_and_a_large_one_refuses_the_recording() -> None:
-    time_s = 0.005 * np.arange(2000)
-    position_m = 0.12 + 0.05 * np.sin(time_s)
-    for height_m, outcome in ((0.001, "noted"), (0.005, "refused")):
-        (found,) = check_position_steps(position_m + height_m * (time_s >= 5.0), time_s, stroke_m=0.25)
-        assert found.outcome == outcome
-        assert f"jumps by +{1e3 * height_m:.0f} mm at 5" in found.text.replace(".00 mm", " mm")
-
-
-@pytest.mark.parametrize(("times", "outcome"), [(60.0, ["noted"]), (3.0, [])])
-def test_noise_of_a_third_is_compared_with_the_quietest_stretch(times: float, outcome: list[str]) -> None:
-    time_s, generator = 0.01 * np.arange(6000), np.random.default_rng(1)
-    position_m = 0.125 + 0.05 * np.sin(0.25 * np.pi * time_s) + generator.normal(0.0, 2e-5, 6000)
-    position_m[2000:4000] += generator.normal(0.0, times * 2e-5, 2000)
-    found = check_position_steps(position_m, time_s, stroke_m=0.25)
-    assert [each.outcome for each in found] == outcome
-    assert all(re.search(r"noise between (19|20)\.\d+ and (39|40)\.\d+ s", each.text) for each in found)
+@pytest.mark.parametrize(
+    ("position_m", "stroke_m", "outcome", "words"),
+    [
+        (made_log(6000)["x"].to_numpy() / 1e3, 0.25, "ok", ""),
+        (np.clip(0.1 * TIME_S, 0.2, 0.6), 0.85, "ok", ""),  # hits a stop at 100 mm/s
+        (RESTING, 0.25, "ok", ""),
+        (STROKES_M + 3e-5 * NOISE + SINGLE, 0.25, "noted", r"4 single samples .* \(first: row 2000, at 10.00 s\)"),
+        (ended(0.25), 0.25, "ok", ""),
+        (ended(0.1), 0.25, "noted", "holds 100 mm from .* without the noise"),
+        (STROKES_M + 0.001 * (TIME_S >= 5.0), 0.25, "noted", r"jumps by \+1.01 mm at 5.00 s"),
+        (STROKES_M + 0.005 * (TIME_S >= 5.0), 0.25, "refused", r"jumps by \+5.01 mm at 5.00 s"),
+        (
+            STROKES_M + 2e-5 * NOISE * np.where(abs(TIME_S - 15.0) < 5.0, 60.0, 1.0),
+            0.25,
+            "noted",
+            "noise between 10.00 and 20.00 s",
+        ),
+        (STROKES_M + 2e-5 * NOISE * np.where(abs(TIME_S - 15.0) < 5.0, 3.0, 1.0), 0.25, "ok", ""),
+    ],
+    ids=["sound", "a stop", "coarse", "single", "end of stroke", "held", "small jump", "jump", "noise", "little noise"],
+)
+def test_faults_of_the_position_are_weighed(position_m: Array, stroke_m: float, outcome: str, words: str) -> None:
+    found = check_position_steps(position_m, TIME_S, stroke_m)
+    assert [each.outcome for each in found] == ([] if outcome == "ok" else [outcome])
+    assert all(re.search(words, each.text) for each in found)

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 import yaml
 
-from cylinder_friction.recordings.conversion import NameRules
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.logs import NameRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml

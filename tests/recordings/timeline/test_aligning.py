@@ -39,6 +39,10 @@ def missing(rows: list[int], *, also: str = "b") -> dict[str, Signal]:
         (np.arange(ROWS) / 200.003, 200.0, 0.005),
         (np.round(np.arange(ROWS) / 600.0, 3), None, 1 / 600.0),
         (np.arange(ROWS) / 44.7, None, 1 / 44.7),
+        (1e6 + EVEN_S, None, 0.005),
+        (np.round(np.arange(ROWS) / 300.0, 3), None, 1 / 300.0),
+        (EVEN_S + np.random.default_rng(0).uniform(-5e-5, 5e-5, ROWS), None, 0.005),
+        (EVEN_S * (1.0 + 2e-5 * np.arange(ROWS) / ROWS), None, 0.005),
     ],
 )
 def test_what_needs_nothing_passes_bit_for_bit(time_s: np.ndarray, rate_hz: float | None, sample_time_s: float) -> None:
@@ -150,9 +154,17 @@ def test_a_slow_channel_in_one_table_is_no_gap() -> None:
     assert piece.metadata.repairs == ("a: resampled from 200 to 50 Hz (windowed sinc, cut-off 22.5 Hz)",)
 
 
-@pytest.mark.parametrize("jitter", [0.1, 0.4])
-def test_uneven_stamps_come_to_an_even_grid(jitter: float) -> None:
-    time_s = EVEN_S + np.random.default_rng(3).uniform(0.0, jitter * 0.005, ROWS)
+@pytest.mark.parametrize(
+    "time_s",
+    [
+        EVEN_S + np.random.default_rng(3).uniform(0.0, 0.0005, ROWS),
+        EVEN_S + np.random.default_rng(3).uniform(0.0, 0.002, ROWS),
+        EVEN_S + 0.0015 * (np.arange(ROWS) == 77),
+        np.where(EVEN_S < 5.0, EVEN_S, 5.0 + 1.02 * (EVEN_S - 5.0)),
+    ],
+    ids=["little jitter", "much jitter", "one stamp late", "another rate half way"],
+)
+def test_uneven_stamps_come_to_an_even_grid(time_s: np.ndarray) -> None:
     (piece,) = align(one(time_s, sine(time_s, 1.0)), TimeRules())
     assert piece.sample_time_s == 0.005
     np.testing.assert_allclose(np.diff(piece.columns["time_s"]), 0.005, rtol=1e-9)

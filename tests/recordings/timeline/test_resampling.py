@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.timeline.resampling import shape_preserving_cubic
 from cylinder_friction.recordings.timeline.windowed_sinc import windowed_sinc
 
 AWAY = 40
@@ -36,17 +35,3 @@ def test_a_straight_line_stays_straight_to_its_ends(ratio: float) -> None:
     values = windowed_sinc(3.0 + 2.0 * np.arange(rows), positions, ratio)
     # As a share of the line's rise over one sample of the lower rate.
     assert np.abs(values - (3.0 + 2.0 * positions)).max() < 5e-3 * 2.0 / min(1.0, ratio)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_the_cubic_keeps_between_its_neighbours_and_goes_through_them(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    at = np.cumsum(rng.uniform(0.001, 1.0, rng.integers(2, 50)))
-    values = rng.normal(size=len(at))
-    wanted = np.sort(rng.uniform(at[0], at[-1], 100))
-    result = shape_preserving_cubic(at, values, wanted)
-    right = np.clip(np.searchsorted(at, wanted), 1, len(at) - 1)
-    lower, upper = np.minimum(values[right - 1], values[right]), np.maximum(values[right - 1], values[right])
-    assert (result >= lower - 1e-9).all()
-    assert (result <= upper + 1e-9).all()
-    np.testing.assert_allclose(shape_preserving_cubic(at, values, at), values, atol=1e-9)

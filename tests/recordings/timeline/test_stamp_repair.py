@@ -106,7 +106,7 @@ def resolved(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
     return resolve_duplicates(stamps, [values], TimeRules())
 
 
-COPIED = "stamp and values of the row before left out (first: row"
+COPIED = "the stamp of the row before left out (first: row"
 HOLES = np.insert(NOISE, 9, np.nan)
 HOLES[8] = np.nan
 
@@ -119,7 +119,7 @@ HOLES[8] = np.nan
         (
             np.insert(EVEN_S, [5, 5], 0.02),
             np.insert(NOISE, [5, 5], [8, 9]),
-            "2 rows with the stamp of the row before but other values left out (first: row 6)",
+            "2 rows with the stamp of the row before left out (first: row 6, 2 of them with other values)",
         ),
     ],
     ids=["each row twice", "a missing value twice", "other values"],

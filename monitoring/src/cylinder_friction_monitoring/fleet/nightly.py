@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import cylinder_friction
+from cylinder_friction.files.result_folder import ResultFolder, existing
 from cylinder_friction.files.whole_files import hash_of, json_hash, read_json, write_json
-from cylinder_friction.recordings.reading_logs import log_paths
-from cylinder_friction.recordings.result_folder import ResultFolder, existing
+from cylinder_friction.recordings.logs import log_paths
 from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.fleet.assignment import assigned
 from cylinder_friction_monitoring.fleet.database import SQLITE_FILE

@@ -16,7 +16,7 @@ from cylinder_friction.estimation.results import kept_recordings, made_with_mode
 from cylinder_friction.files.whole_files import read_json, write_json, write_text
 from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.columns import LOAD_FORCE
-from cylinder_friction.recordings.reading_logs import load_settings
+from cylinder_friction.recordings.logs import load_settings
 from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.fleet.doubts import doubts
 from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, read_or_name, session_file, state_file

@@ -8,8 +8,15 @@ from pathlib import Path
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, name_of, open_tables, pieces_from
-from cylinder_friction.recordings.ingesting import SeenRecordings, samples_hash, shown
+from cylinder_friction.recordings.conversion import (
+    SeenRecordings,
+    metadata_of,
+    open_tables,
+    pieces_from,
+    samples_hash,
+    shown,
+)
+from cylinder_friction.recordings.logs import Recipe, name_of
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 
@@ -25,10 +32,8 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
             if piece is None or recording is None or subject.outcome == "refused":
                 yield subject
                 continue
-            try:
-                duplicates.refuse(recording.name, name, samples_hash(piece.columns))
-            except RecordingError as error:
-                subject = subject.with_findings(Finding("duplicate", "refused", str(error)))
+            if problem := duplicates.problem(recording.name, name, samples_hash(piece.columns)):
+                subject = subject.with_findings(Finding("duplicate", "refused", problem))
             yield subject
 
 

@@ -70,9 +70,7 @@ class CheckLimits(CheckRules):
     """Limits for one cylinder."""
 
     stroke_m: float  # Length of travel [m]
-    # piston_area_m2, annulus_area_m2: A1 and A2 [m²]; without them the force balance is not checked
-    piston_area_m2: float | None = None
-    annulus_area_m2: float | None = None
+    areas_m2: tuple[float, float] | None = None  # A1 and A2 [m²]; without them the force balance is not checked
     load: LoadMode = "none"
     steps: Mapping[str, float] = field(default_factory=dict)  # Converter step of each column, in the column's unit
     rod_diameter_1_m: float = 0.0  # Diameter of the rod on side 1 [m]; 0 without one
@@ -82,18 +80,10 @@ class CheckLimits(CheckRules):
         super().__post_init__()
         expect(0.0 < self.stroke_m < math.inf, "stroke_m", "a positive number", self.stroke_m)
         expect(self.load in get_args(LoadMode), "load", "none, measured or position", self.load)
-        a1, a2 = self.piston_area_m2, self.annulus_area_m2
-        expect((a1 is None) == (a2 is None), "piston_area_m2 and annulus_area_m2", "both or neither", (a1, a2))
-        if a1 is not None and a2 is not None:
-            bore_m2 = a1 + math.pi / 4.0 * self.rod_diameter_1_m**2
+        if self.areas_m2 is not None:
+            bore_m2 = self.areas_m2[0] + math.pi / 4.0 * self.rod_diameter_1_m**2
             expected = f"more than 0 and less than the bore's area ({bore_m2} m²)"
-            expect(0.0 < a2 < bore_m2, "annulus_area_m2", expected, a2)
-
-    @property
-    def areas_m2(self) -> tuple[float, float] | None:
-        if self.piston_area_m2 is None or self.annulus_area_m2 is None:
-            return None
-        return self.piston_area_m2, self.annulus_area_m2
+            expect(0.0 < self.areas_m2[1] < bore_m2, "annulus area", expected, self.areas_m2[1])
 
 
 Outcome = Literal["ok", "noted", "repaired", "refused"]

@@ -1,6 +1,6 @@
 """Check a uniformly sampled table before it counts as a recording."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from cylinder_friction.recordings.columns import (
     PRESSURES,
     TIME,
 )
-from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata, missing_column
+from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, missing_column
 
 RATE_TOLERANCE = 1e-3  # Largest error of a logger's clock, as a share of its rate
 LOWEST_PRESSURE_PA = -2e5  # Lowest credible gauge pressure: vacuum and a sensor's offset [Pa]
@@ -49,19 +49,19 @@ share of the stroke."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
 
 
-def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: Iterable[Finding]) -> Recording:
-    """Make a recording of columns that pass their checks; findings that are only noted join its repairs.
+def checked_recording(piece: Recording, limits: CheckLimits) -> Recording:
+    """Check a piece of a log; findings that are only noted join its repairs.
 
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
     """
     noted = []
-    for finding in findings:
+    for finding in inspect_recording(piece.columns, limits, piece.sample_time_s):
         if finding.outcome == "refused":
             raise RecordingError(finding.text)
         if finding.outcome == "noted":
             noted.append(finding.text)
-    return Recording(replace(metadata, repairs=(*metadata.repairs, *noted)), columns)
+    return Recording(replace(piece.metadata, repairs=(*piece.metadata.repairs, *noted)), piece.columns)
 
 
 class _Survey:

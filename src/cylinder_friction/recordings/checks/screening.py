@@ -47,13 +47,13 @@ QUIET = 0.1  # Largest spread of the other samples, as a share of a spike's heig
 
 
 def screen_signals(
-    signals: dict[str, Signal], limits: Mapping[str, SensorLimits], stroke_m: float | None = None
+    signals: dict[str, Signal], limits: Mapping[str, SensorLimits], stroke_m: float
 ) -> tuple[dict[str, Signal], tuple[str, ...]]:
     """Replace bad samples by NaN; return the signals, and one sentence per column and kind of bad sample.
 
     A signal without a bad sample is returned as the same object. Missing samples stay missing. Without ``limits``, only
     spikes and infinities are found. A position sensor may rest at the end of its range if that is the end of the
-    stroke; without ``stroke_m``, no position is reported as saturated.
+    stroke.
 
     Raises:
         RecordingError: Too many samples of one kind are bad, in all or in a row. The message names the column and the
@@ -118,18 +118,18 @@ def _note(
     return f"{what}; taken as missing"
 
 
-def _ends(column: str, sensor: SensorLimits | None, stroke_m: float | None) -> tuple[float, float]:
+def _ends(column: str, sensor: SensorLimits | None, stroke_m: float) -> tuple[float, float]:
     """Return the bounds outside of which a sensor is at an end of its range.
 
     The low end of a range that starts at zero does not count, because a vented chamber reads zero. The end of a
     position sensor's range does not count either if it is the end of the stroke.
     """
-    if sensor is None or (column == "position_m" and stroke_m is None):
+    if sensor is None:
         return -math.inf, math.inf
     span = sensor.high - sensor.low
     near = max(0.5 * (sensor.step or 0.0), 5e-4 * span)
     has_low, has_high = sensor.low < -0.01 * span, True
-    if column == "position_m" and stroke_m is not None:
+    if column == "position_m":
         has_low, has_high = sensor.low > 0.01 * stroke_m, sensor.high < 0.99 * stroke_m
     return sensor.low + near if has_low else -math.inf, sensor.high - near if has_high else math.inf
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimel
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
 from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRules, even_rate, whole_hertz
 
-Spans = list[tuple[float, float]]
+Number = TypeVar("Number", int, float)
 Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]]]
 """Pieces with their segment of the clock, and the columns resampled by each method."""
 HIGHEST_RATIO = 10.0  # Largest ratio of a wanted rate to the fastest channel's rate
@@ -139,11 +141,9 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
 def _on_logged_grid(timelines: Sequence[ChannelTimeline]) -> Placed:
     """Cut columns of one grid at their gaps, and interpolate lost samples."""
     grid = timelines[0].grid
-    spans: Spans = [(-np.inf, np.inf)]
-    for each in timelines:
-        spans = _overlap(spans, [(float(each.index[a]), float(each.index[b - 1])) for a, b in each.stretches()])
+    own = ([(int(each.index[a]), int(each.index[b - 1])) for a, b in each.stretches()] for each in timelines)
     pieces: list[tuple[Columns, int]] = []
-    for first, last in ((int(a), int(b)) for a, b in spans):
+    for first, last in reduce(_overlap, own):
         if last - first + 1 >= SHORTEST_PIECE:
             a, b = np.searchsorted(grid.index, [first, last + 1])
             numbers, time_s = np.arange(first, last + 1), grid.time_s[a:b]
@@ -176,10 +176,8 @@ def _on_new_grid(timelines: Sequence[ChannelTimeline], rate_hz: float) -> Placed
             continue
         start_s = min(float(time_s[0]) for time_s in stamps)
         uniform = {each.column: uniform_segments(each, segment, start_s) for each in timelines}
-        spans: Spans = [(-np.inf, np.inf)]
-        for of_column in uniform.values():
-            spans = _overlap(spans, [(each.first_s, each.last_s) for each in of_column])
-        for first_s, last_s in spans:
+        own = ([(each.first_s, each.last_s) for each in of_column] for of_column in uniform.values())
+        for first_s, last_s in reduce(_overlap, own):
             # A stamp may miss its multiple of the sample time by rounding.
             first = int(np.ceil((first_s - start_s) * rate_hz - 1e-6))
             last = int(np.floor((last_s - start_s) * rate_hz + 1e-6))
@@ -202,9 +200,9 @@ def _stamps_by_segment(timelines: Sequence[ChannelTimeline]) -> list[list[Array]
     return [[time_s for time_s in own if len(time_s)] for own in stamps]
 
 
-def _overlap(one: Spans, other: Spans) -> Spans:
+def _overlap(one: list[tuple[Number, Number]], other: list[tuple[Number, Number]]) -> list[tuple[Number, Number]]:
     """Intersect two lists of spans, each in order and without overlap."""
-    result: Spans = []
+    result = []
     i = j = 0
     while i < len(one) and j < len(other):
         first, last = max(one[i][0], other[j][0]), min(one[i][1], other[j][1])

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +24,7 @@ UNDONE_SHARE = 0.5
 """Least forward jump near a backward step, as a share of it, that shows that the clock did not restart."""
 DAMAGED_SHARE = 0.05
 """Largest share of rows with damaged stamps at which the order of the rows is known."""
+OTHER_SHARE = 0.1  # Largest share of rows with other values among rows that repeat a stamp and count as copies
 FEWEST_STAMPS = 10  # Fewest different stamps of a coarse clock
 LAG = 32
 """Number of stamps for the first estimate of a coarse clock's rate, over which rounding averages out."""
@@ -114,12 +114,12 @@ def resolve_duplicates(
 ) -> tuple[Array, Mask, list[str]]:
     """Return stamps that increase over the rows to keep, the mask of these rows, and the repairs.
 
-    - Copies of the row before (same stamp, same values) are left out, however many there are.
-    - If more than 5 % of the rows repeat a stamp with other values, the clock is coarse (a tick of
-      10 or 15.6 ms, or one stamp for a block of samples). The samples are then spread evenly on a straight line through
-      the first samples of the stamps, none of them before its stamp. If stamps are off that line by more than the usual
-      time between two stamps, sampling was uneven. Rounding hides fewer lost samples than that.
-    - If fewer rows repeat a stamp with other values, the first row of each stamp is kept.
+    - If at most 5 % of the rows repeat a stamp, or nearly all of these are copies of the row before (the same values),
+      the first row of each stamp is kept.
+    - Otherwise the clock is coarse (a tick of 10 or 15.6 ms, or one stamp for a block of samples). The samples are then
+      spread evenly on a straight line through the first samples of the stamps, none of them before its stamp. If stamps
+      are off that line by more than the usual time between two stamps, sampling was uneven. Rounding hides fewer lost
+      samples than that.
 
     Columns and results are in the order of the stamps, shape ``(n,)`` each.
 
@@ -133,31 +133,22 @@ def resolve_duplicates(
     same = np.append(False, keep[1:])
     for column in values:
         same[1:] &= (column[:-1] == column[1:]) | (np.isnan(column[:-1]) & np.isnan(column[1:]))
-    copies = repeated & same
-    repairs = []
+    others = int((repeated & ~same).sum())
     # The values of a sensor at rest repeat without being copies, but then they also repeat from stamp to stamp.
     at_rest = float(same[~repeated][1:].mean()) if (~repeated).sum() > 1 else 0.0
-    others = repeated & ~copies
-    few = repeated.sum() <= DAMAGED_SHARE * len(keep)
-    if copies.any() and (few or (at_rest < 0.5 and copies.sum() >= 0.9 * repeated.sum())):
-        keep &= ~copies
-        repairs.append(_first(copies, stamps, "stamp and values of the row before"))
-    else:
-        others = repeated
-    if not others.any():
-        return stamps.time_s, keep, repairs
-    if others.sum() <= max(3.0, DAMAGED_SHARE * len(keep)):
-        keep &= ~others
-        repairs.append(_first(others, stamps, "the stamp of the row before but other values"))
-        return stamps.time_s, keep, repairs
-    spread_s, rate_hz, tick_s = _spread(stamps.time_s[keep], stamps.segments[keep], rules)
-    time_s = stamps.time_s.copy()
-    time_s[keep] = spread_s
-    repairs.append(
-        f"coarse stamps, {others.sum()} of {len(keep)} rows with the stamp of the row before (a new stamp every "
+    copies = at_rest < 0.5 and others <= OTHER_SHARE * repeated.sum()
+    if copies or repeated.sum() <= max(3.0, DAMAGED_SHARE * len(keep)):
+        unlike = f", {others} of them with other values" if others else ""
+        rows = counted(int(repeated.sum()), "row")
+        first = int(stamps.rows[repeated].min()) + 1
+        note = f"{rows} with the stamp of the row before left out (first: row {first}{unlike})"
+        return stamps.time_s, ~repeated, [note]
+    spread_s, rate_hz, tick_s = _spread(stamps.time_s, stamps.segments, rules)
+    note = (
+        f"coarse stamps, {repeated.sum()} of {len(keep)} rows with the stamp of the row before (a new stamp every "
         f"{1e3 * tick_s:.4g} ms), spread evenly at {rate_hz:.6g} Hz"
     )
-    return time_s, keep, repairs
+    return spread_s, keep, [note]
 
 
 def _spread(time_s: Array, segments: Indices, rules: TimeRules) -> tuple[Array, float, float]:
@@ -203,12 +194,8 @@ def _means(values: Array, groups: Indices) -> Array:
     return means
 
 
-def counted(count: int, thing: str, plural: str = "s") -> str:
-    return f"{count} {thing}{'' if count == 1 else plural}"
-
-
-def _first(mask: Mask, stamps: OrderedStamps, what: str) -> str:
-    return f"{counted(int(mask.sum()), 'row')} with {what} left out (first: row {int(stamps.rows[mask].min()) + 1})"
+def counted(count: int, thing: str) -> str:
+    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 @dataclass(frozen=True)
@@ -229,27 +216,14 @@ class ChannelTimeline:
 
     column: str  # Name of the column
     grid: SampleGrid  # The grid that it was sampled on
-    at: Indices  # Index of each sample's stamp in the grid, shape ``(m,)``
+    time_s: Array  # Stamps of the samples, shape ``(m,)`` [s]
+    index: Indices  # Numbers of the samples on the grid, shape ``(m,)``
+    segments: Indices  # Number of each sample's segment, shape ``(m,)``; a segment ends when the clock restarts
     values: Array  # Finite values, shape ``(m,)``
     stride: int  # Grid numbers from one sample to the next; 1 unless the column is slower than its table
     even: bool  # Whether samples are ``stride`` numbers of an even clock apart, except for lost samples
     lost: Indices  # Number of samples lost between two samples, shape ``(m - 1,)``
     gaps: Mask  # Whether too many samples are lost, or the clock restarts, after a sample, shape ``(m - 1,)``
-
-    @cached_property
-    def time_s(self) -> Array:
-        """Stamps of the samples, shape ``(m,)`` [s]."""
-        return self.grid.time_s[self.at]
-
-    @cached_property
-    def index(self) -> Indices:
-        """Numbers of the samples on the grid, shape ``(m,)``."""
-        return self.grid.index[self.at]
-
-    @cached_property
-    def segments(self) -> Indices:
-        """Number of each sample's segment, shape ``(m,)``; a segment ends when the clock restarts."""
-        return self.grid.segments[self.at]
 
     @property
     def step_s(self) -> float:
@@ -257,7 +231,7 @@ class ChannelTimeline:
 
     def stretches(self) -> list[tuple[int, int]]:
         """Return start and end position of each stretch without a gap."""
-        return list(pairwise([0, *(int(gap) + 1 for gap in np.flatnonzero(self.gaps)), len(self.at)]))
+        return list(pairwise([0, *(int(gap) + 1 for gap in np.flatnonzero(self.gaps)), len(self.values)]))
 
 
 def find_timelines(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[list[ChannelTimeline], list[str]]:
@@ -327,16 +301,17 @@ def _timelines_of(
 
 def _timeline(column: str, grid: SampleGrid, values: Array, rules: TimeRules) -> ChannelTimeline:
     valid = np.isfinite(values)
-    at = np.flatnonzero(valid).astype(np.int64)
     _refuse_few(column, valid)
-    distances = np.diff(grid.index[at])
+    time_s, index, segments = grid.time_s[valid], grid.index[valid], grid.segments[valid]
+    distances = np.diff(index)
     gap_before = np.concatenate([[0], np.cumsum(grid.gaps)])
-    across = np.diff(gap_before[at]) > 0
+    across = np.diff(gap_before[valid]) > 0
     stride = max(1, int(np.median(distances[~across]))) if not across.all() else 1
     samples = np.maximum(np.rint(distances / stride).astype(np.int64), 1)
     gaps = across | (samples > rules.longest_bridge_samples + 1)
     even = grid.even and not (distances[~gaps] % stride).any()
-    return ChannelTimeline(column, grid, at, values[valid], stride, even, np.where(gaps, 0, samples - 1), gaps)
+    lost = np.where(gaps, 0, samples - 1)
+    return ChannelTimeline(column, grid, time_s, index, segments, values[valid], stride, even, lost, gaps)
 
 
 def find_grid(time_s: Array, segments: Indices, rules: TimeRules) -> SampleGrid:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cylinder_friction.recordings.result_folder import ResultFolder
+from cylinder_friction.files.result_folder import ResultFolder
 
 MARKER, COMMAND = "summary.json", "friction-tool run"
 
