@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import Bounds
 
 Outcome = TypeVar("Outcome", bound=Converted | Quarantined)
-
 ROWS_IN_MEMORY = 1 << 22
 """Most rows that wait in memory, in equal parts for all logs; further recordings of a log wait on disk."""
 OFTEN_MISSED = 3.0
@@ -215,6 +214,7 @@ def waiting(result: Recording | Path) -> Recording:
 
 
 def discard(result: Recording | Path) -> None:
+    """Remove the file of a recording that waited on disk."""
     if isinstance(result, Path):
         result.unlink()
 

