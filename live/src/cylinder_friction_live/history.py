@@ -59,17 +59,15 @@ def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf
 
 def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
     """Write the chunks of one session, up to a chunk's number, into Parquet, and leave them in the journal."""
-    files: dict[Path, list[Chunk]] = {}
+    files: defaultdict[tuple[bool, str, str | None, tuple[str, ...]], list[Chunk]] = defaultdict(list)
     for chunk in journal.chunks(name, last):
-        days = folder / quote(name, safe="")
-        if chunk.estimates is None:
-            days /= LATE_FOLDER
-        day = days / _day_of(chunk.time_s)
-        open_file = next((path for path, held in files.items() if path.parent == day and _alike(held[0], chunk)), None)
-        files.setdefault(open_file or day / f"{chunk.index:016d}.parquet", []).append(chunk)
-    for path, chunks in files.items():
-        write_whole(table_of(chunks), path)
-    return list(files)
+        files[chunk.estimates is None, _day_of(chunk.time_s), chunk.model, chunk.inputs].append(chunk)
+    paths = list[Path]()
+    for (is_late, day, _, _), chunks in files.items():
+        days = folder / quote(name, safe="") / (LATE_FOLDER if is_late else "")
+        paths.append(days / day / f"{chunks[0].index:016d}.parquet")
+        write_whole(table_of(chunks), paths[-1])
+    return paths
 
 
 def last_rows(
@@ -141,10 +139,6 @@ def _column(values: np.ndarray) -> pa.Array:
 
     content = pa.py_buffer(np.ascontiguousarray(values))
     return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, content])
-
-
-def _alike(one: Chunk, other: Chunk) -> bool:
-    return (one.model, one.inputs) == (other.model, other.inputs)
 
 
 def _estimates(parts: Iterable[EstimateBlock | None]) -> dict[str, np.ndarray]:
