@@ -17,7 +17,7 @@ from cylinder_friction_live.service import LiveService, LiveSession
 
 KEEP_S, HISTORY_S = 1.0, 60.0
 KEEP_STEPS = 10
-"""Steps per second in which all sessions are written, so that no estimate waits for more than a few sessions."""
+"""Steps per second in which all sessions are written. More would write pages of the journal more often."""
 LEFT_S = 10
 """Time for which estimates stay in the journal, for a client that comes back [s]."""
 Job = Callable[[], Coroutine[Any, Any, None]]
