@@ -38,7 +38,7 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
 def as_run_params(content: dict[str, Any]) -> dict[str, str]:
     """List the parameters that a pipeline's run states: recipe, seeds, and differences from the default recipe.
 
-    ``changes`` lists the differences from the recipe itself, with the recipe's values. Without ``conf/``, differences are
+    ``changes`` lists the differences from the recipe itself, with both values. Without ``conf/``, differences are
     unknown and left out.
     """
     recipe, now = str(content.get("recipe", DEFAULT)), _flat(content)
