@@ -38,6 +38,7 @@ class AnsweringProtocol(WebSocketsSansIOProtocol):
     def handle_bytes(self, event: Frame) -> None:
         """Answer a whole message at once if no message and no answer waits, or queue it."""
         idle = self.conn.state is State.OPEN and self.queue.empty() and self.writable.is_set()
+        idle = idle and not self.transport.is_closing()  # a client that has died leaves messages behind
         answer = self.answer(bytes(event.data)) if idle and event.fin and self.answer is not None else None
         if answer is None:
             super().handle_bytes(event)
