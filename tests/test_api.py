@@ -58,7 +58,13 @@ def documented() -> list[tuple[str, str]]:
     ]
 
 
-@pytest.mark.parametrize(("module", "name"), documented())
+def each_documented() -> list[Any]:
+    """Mark the example that searches for parameters as extended."""
+    searches = pytest.mark.extended
+    return [pytest.param(*each, marks=searches if each[1] == "identify_logs" else ()) for each in documented()]
+
+
+@pytest.mark.parametrize(("module", "name"), each_documented())
 def test_every_name_has_an_example_that_runs(
     module: str, name: str, example: dict[str, Any], checkout: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -60,6 +60,7 @@ def test_a_run_states_its_recipe_and_what_differs_with_both_values(monkeypatch: 
     assert stated["train.lag_s"] == "0.05"
 
 
+@pytest.mark.extended
 def test_every_choice_of_every_group_is_accepted() -> None:
     for choice in CHOICES:
         compose_params(CONF, [choice])

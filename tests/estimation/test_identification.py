@@ -71,6 +71,7 @@ def test_file_and_page_hold_every_point_and_what_was_refused(result: FrictionMod
         assert words in page
 
 
+@pytest.mark.extended
 def test_without_slow_sliding_and_other_loads_the_rest_is_stated(tmp_path: Path, cylinder: Cylinder) -> None:
     """Strokes from 20 mm/s on under one great load: no static friction, no law of pressure."""
     speeds = [*np.geomspace(0.02, 0.2, 9)] * 2

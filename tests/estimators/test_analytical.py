@@ -138,6 +138,7 @@ def error_percent(estimator: FrictionEstimator, recordings: list[Recording], con
     return 100.0 * float(np.abs(estimate - label).mean() / np.abs(label).mean())
 
 
+@pytest.mark.extended
 def test_plain_lugre_fits_its_own_test_and_fails_under_load(
     searched: dict[str, LugreEstimator], labelled_recordings: list[Recording]
 ) -> None:
@@ -147,6 +148,7 @@ def test_plain_lugre_fits_its_own_test_and_fails_under_load(
     assert errors[3] > 3.0 * errors[0]
 
 
+@pytest.mark.extended
 def test_one_pressure_slope_found_without_load_carries_to_the_loads(
     searched: dict[str, LugreEstimator], labelled_recordings: list[Recording]
 ) -> None:
@@ -154,6 +156,7 @@ def test_one_pressure_slope_found_without_load_carries_to_the_loads(
         assert error_percent(searched["pressure_lugre"], labelled_recordings, condition) < 6.0
 
 
+@pytest.mark.extended
 def test_without_a_condition_it_is_identified_where_friction_is_smallest(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:

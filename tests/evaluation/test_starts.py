@@ -19,6 +19,7 @@ def ridge(cylinder: Cylinder, offset_recordings: list[Recording]) -> RidgeEstima
     return estimator
 
 
+@pytest.mark.extended
 def test_later_recordings_are_scored_from_either_start(
     ridge: RidgeEstimator, offset_recordings: list[Recording]
 ) -> None:
@@ -34,6 +35,7 @@ def test_later_recordings_are_scored_from_either_start(
     assert found.warm_percent < found.cold_percent
 
 
+@pytest.mark.extended
 def test_without_offset_or_second_recording_there_is_nothing(
     ridge: RidgeEstimator, offset_recordings: list[Recording]
 ) -> None:

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from zero_sweep import sweep
 
-pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+pytestmark = [pytest.mark.extended, pytest.mark.filterwarnings("ignore::UserWarning")]
 
 
 @pytest.fixture(scope="module")

@@ -44,6 +44,7 @@ def test_the_offset_of_an_unknown_session_is_learned(
     assert abs(found[-1, 0] - true_n) < 5.0
 
 
+@pytest.mark.extended
 def test_the_zero_of_a_load_cell_is_learned_beside_a_load_that_makes_friction_uneven(
     cylinder: Cylinder, offset_recordings: list[Recording]
 ) -> None:

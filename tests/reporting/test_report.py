@@ -72,6 +72,7 @@ def bare_page(bare):
     return report_html(bare, NOTHING)
 
 
+@pytest.mark.extended
 def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
     figures = all_figures(analysis)
     assert set(figures) == {
@@ -162,6 +163,7 @@ def test_text_from_recordings_cannot_break_the_page(bare_page):
     assert "</script><b>" not in bare_page.replace(PLOTLY, "")
 
 
+@pytest.mark.extended
 def test_where_an_estimator_equals_the_label_the_report_warns_and_shows_none_of_its_residuals(compared, curves, page):
     comparison = compared(force_balance_paper=0.0, paper_hybrid=3.0, hybrid=1.0, lugre=40.0)
     shown = report_html(analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20), NOTHING)

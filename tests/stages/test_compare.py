@@ -135,6 +135,7 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(finished, labe
     assert not list(Path("reports").glob(".*"))
 
 
+@pytest.mark.extended
 def test_without_truth_there_is_none_anywhere_and_figures_are_of_the_estimator_that_compare_main_names(
     finished, tmp_path, monkeypatch
 ):

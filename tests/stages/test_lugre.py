@@ -57,6 +57,7 @@ def test_the_stage_leaves_every_estimator_and_the_points(
     assert record.params["condition"] == "1"
 
 
+@pytest.mark.extended
 def test_recordings_of_other_conditions_change_what_is_identified_in_all_of_them_alone(
     finished: tuple[Path, RunRecord],
     labelled_recordings: list[Recording],

@@ -114,6 +114,7 @@ def test_offsets_are_left_alone_and_the_reason_is_kept(
     assert not any(each.metadata.identified_zero for each in read_stored(PROCESSED_FOLDERS["train"]))
 
 
+@pytest.mark.extended
 def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workplace: Path) -> None:
     for recording in read_stored(LABELLED_FOLDER):
         write_recording(LABELLED_FOLDER, recording.with_columns(load_force_n=np.zeros(len(recording))))
@@ -142,6 +143,7 @@ def write_loads(spread_n: float) -> None:
     write_json(IDENTIFIED_FILE, {name: {"load": asdict(each)} for name, each in loads.items()})
 
 
+@pytest.mark.extended
 def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(
     workplace: Path, cylinder: Cylinder
 ) -> None:

@@ -124,6 +124,7 @@ def test_what_was_not_compared_or_has_no_way_back_is_not_registered(repository: 
         register.run(shipped())
 
 
+@pytest.mark.extended
 def test_any_estimator_of_the_comparison_with_a_real_time_step_is_registered(
     repository: Path, labelled_recordings: list[Recording], cylinder: Cylinder
 ) -> None:

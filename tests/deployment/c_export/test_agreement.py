@@ -34,6 +34,7 @@ def test_double_is_python(
 
 
 @pytest.mark.parametrize(("settling", "block"), [(0, 1), (7, 3), (3, 7), (0, 150)])
+@pytest.mark.extended
 def test_it_learns_the_offset_whatever_makes_a_block(
     settling: int, block: int, golden_model: StepModel, offset_samples: np.ndarray, tmp_path: Path
 ) -> None:

@@ -67,6 +67,7 @@ def write_hanging(path: Path) -> Path:
         (write_greedy_matlab, {"LIMIT_BYTES": 1 << 29}, "damaged"),
     ],
 )
+@pytest.mark.extended
 def test_a_file_that_crashes_hangs_or_fills_the_memory_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Any, limits: dict[str, float], refusal: str
 ) -> None:
