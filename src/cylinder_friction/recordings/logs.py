@@ -384,7 +384,9 @@ def _settings(channels: str | Path | Mapping[str, Any]) -> Mapping[str, Any]:
 def load_settings(path: Path) -> dict[str, Any]:
     """Read an ingest configuration as nested dictionaries, merged with the files under its ``defaults``."""
     own, settings = read_yaml(path), dict[str, Any]()
-    places = (path.parent, _PACKAGE / "project/conf/ingest", _PACKAGE.parents[1] / "conf/ingest")
+    # As no path from here: a stage depends on the files that its modules name so, but has its mapping from params.yaml
+    shipped = (f"{_PACKAGE}/project/conf/ingest", f"{_PACKAGE.parents[1]}/conf/ingest")
+    places = (path.parent, *map(Path, shipped))
     for entry in own.pop("defaults", []):
         for group, name in (entry if isinstance(entry, dict) else {"": entry}).items():
             if name != "_self_":  # beside the mapping, or from this package
