@@ -60,6 +60,7 @@ def without_extras(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", BLOCK + code], cwd=folder, capture_output=True, text=True)
 
 
+@pytest.mark.extended
 def test_every_module_of_the_core_imports_without_extras(tmp_path: Path) -> None:
     done = without_extras(tmp_path, IMPORT_ALL.format(NEED_EXTRAS))
     assert done.returncode == 0, done.stderr

@@ -216,6 +216,7 @@ def with_another_value(draw: st.DrawFn, whole: Any) -> Any:
 MALFORMED = (b"", b"[" * 100_000, b"1" * 5_000, b'{"a": "\xe9"}', b'{"inputs": {}, "instances": []}', b"a;b\n1;2\n")
 
 
+@pytest.mark.extended
 def test_no_malformed_or_random_request_makes_the_model_fail_or_harms_another(server: Served) -> None:
     good = split(np.array([[1.2e6, 9.1e5, 0.12]]))
     before = server.ask(good)

@@ -40,6 +40,7 @@ def model_of(result: FrictionModels, name: str) -> IdentifiedModel:
 
 
 @pytest.mark.parametrize("name", ["coulomb_n", *SLOW, "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa"])
+@pytest.mark.extended
 def test_a_known_parameter_lies_in_its_interval(result: FrictionModels, name: str) -> None:
     parameter = next(each for each in model_of(result, "pressure_lugre").parameters if each.name == name)
     assert parameter.interval is not None
@@ -47,6 +48,7 @@ def test_a_known_parameter_lies_in_its_interval(result: FrictionModels, name: st
     assert parameter.interval[1] < 1.5 * parameter.interval[0]
 
 
+@pytest.mark.extended
 def test_the_model_follows_the_label(result: FrictionModels) -> None:
     found = model_of(result, "pressure_lugre").found
     assert found is not None
@@ -54,6 +56,7 @@ def test_the_model_follows_the_label(result: FrictionModels) -> None:
     assert found.parameters.value("bristle_stiffness_n_m") == pytest.approx(2e6, rel=0.2)
 
 
+@pytest.mark.extended
 def test_file_and_page_hold_every_point_and_what_was_refused(result: FrictionModels, folder: Path) -> None:
     content = json.loads((folder / "friction_models.json").read_text())
     points = content["stribeck"]["1"]["points"]

@@ -47,6 +47,7 @@ print(np.abs(again.newtons - compiled["newtons"]).max(), (again.flags != compile
 """
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     "folder", [GOLDEN, GOLDEN / "learns_offset", GOLDEN / "pressure_free"], ids=lambda each: each.name
 )
