@@ -100,14 +100,14 @@ MUTANTS = (
     # Units and recordings
     Mutant(
         "a millimetre is a centimetre",
-        "recordings/mapping/units.py",
+        "recordings/mapping/channel_mapping.py",
         '1e-3: "mm", 1e-2: "cm"',
         '1e-2: "cm mm"',
         ("recordings/mapping",),
     ),
     Mutant(
         "absolute pressure read as gauge",
-        "recordings/mapping/units.py",
+        "recordings/mapping/channel_mapping.py",
         'return "absolute" if match["absolute"] else "gauge"',
         'return "gauge"',
         ("recordings/mapping",),
