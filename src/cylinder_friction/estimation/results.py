@@ -22,9 +22,10 @@ from cylinder_friction.files.result_folder import ResultFolder, refuse_foreign
 from cylinder_friction.files.whole_files import read_json, whole_file, write_text
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
+from cylinder_friction.realtime.trained_for import OtherCylinderError as OtherCylinderError  # noqa: PLC0414 - also from here
 from cylinder_friction.recordings.conversion import LoggedFile, Quarantined
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_beside, write_recording
+from cylinder_friction.recordings.storage import read_beside, read_recording, write_recording
 
 FileFormat = Literal["parquet", "csv"]
 """``csv`` writes a CSV file beside each Parquet file; ``parquet`` does not."""
@@ -318,6 +319,16 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
     for each in _summary(results).get("recordings", ()):
         sessions[each["session"]].append(each)
     return dict(sessions)
+
+
+def friction_of(results: Path, name: str) -> Recording:
+    """Read one recording with its friction and all other columns of its Parquet file.
+
+    Raises:
+        RecordingError: The file is damaged.
+        OSError: The recording does not exist.
+    """
+    return read_recording(results / f"{name}.parquet")
 
 
 def made_with_model(results: Path) -> str:

@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
 from difflib import get_close_matches
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction import Recording, estimate_logs
-from cylinder_friction.estimation.friction_of_logs import loaded_once
-from cylinder_friction.estimation.results import kept_recordings, made_with_model, restore_summary
+from cylinder_friction import Recording, estimate_logs, load
+from cylinder_friction.estimation.results import OtherCylinderError, kept_recordings, made_with_model, restore_summary
 from cylinder_friction.files.whole_files import read_json, write_json, write_text
-from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.logs import load_settings
 from cylinder_friction_monitoring.errors import Refused
@@ -87,6 +86,12 @@ class CylinderRun:
     @property
     def results(self) -> Path:
         return self.into / RESULTS / self.name
+
+    @cached_property
+    def stated(self) -> float | None:
+        """The share of the label that its model's bounds should contain; None without a model or its bounds."""
+        bounds = load(self.owned.model).bounds if self.owned.model else None
+        return None if bounds is None else bounds.probability
 
     @property
     def made_by(self) -> str:
@@ -198,8 +203,7 @@ class CylinderRun:
         )
         plan = self.owned.indicator_plan("measured" if measured else "none")
         row = session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
-        bounds = loaded_once(Path(self.owned.model)).bounds if self.owned.model else None
-        return row if bounds is None else replace(row, held=held_label(recordings, bounds.probability))
+        return row if self.stated is None else replace(row, held=held_label(recordings, self.stated))
 
     def _news(
         self,
