@@ -98,7 +98,7 @@ class _Group:
         return rows, answer
 
     def _begin(self, times_s: Array, owner: Owner, in_text: Collection[str]) -> bool:
-        """Look up where the sessions are; return whether all of them are this owner's and can go on."""
+        """Look up the sessions; return whether all are this owner's and ready for their next samples."""
         sessions = [self._service.by_handle.get(handle) for handle in self._handles]
         self._sessions = [each for each in sessions if each is not None and each.owner is owner]
         if len(self._sessions) < len(self) or any(each.name in in_text for each in self._sessions):

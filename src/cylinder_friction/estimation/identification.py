@@ -205,7 +205,8 @@ class ModelSearch:
             points = stribeck_points(own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
             curve = IdentifiedCurve(condition, tuple(each.name for each in own), points, *known_curve(points))
             if curve.curve is not None:
-                lower, upper = self._viscous_interval(own, curve.curve.viscous_n_s_m)
+                steady = steady_intervals(own, self.run.cylinder, CONFIDENCE)
+                lower, upper = _holding(steady["viscous_n_s_m"], curve.curve.viscous_n_s_m)
                 curve = replace(curve, no_viscous=UNSEPARATED if upper > WIDEST * lower else "")
             curves.append(curve if self.run.loss is None else curve.with_loss(self.run.loss))
         return tuple(curves)
@@ -254,14 +255,6 @@ class ModelSearch:
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]
 
-    def _viscous_interval(self, recordings: Sequence[Recording], value: float) -> tuple[float, float]:
-        """Compute the interval of viscous friction, widened to hold the value of a fit [N s/m]."""
-        lower, upper = self._steady(recordings)["viscous_n_s_m"]
-        return max(min(lower, (1.0 - LEAST_SHARE) * value), 1e-9), max(upper, (1.0 + LEAST_SHARE) * value)
-
-    def _steady(self, recordings: Sequence[Recording]) -> dict[str, tuple[float, float]]:
-        return steady_intervals(recordings, self.run.cylinder, CONFIDENCE)
-
     def _identified(self, model: LuGre, recordings: Sequence[Recording]) -> IdentifiedModel:
         points = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE)
         if problem := undetermined(points) if points else "":
@@ -274,8 +267,9 @@ class ModelSearch:
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
         intervals = widened_intervals(found, model, recordings, self.velocities, pressure, **given)
-        intervals["viscous_n_s_m"] = self._viscous_interval(recordings, found.parameters.value("viscous_n_s_m"))
-        lower, upper = self._steady(recordings)["coulomb_n"]
+        steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE)
+        intervals["viscous_n_s_m"] = _holding(steady["viscous_n_s_m"], found.parameters.value("viscous_n_s_m"))
+        lower, upper = steady["coulomb_n"]
         if pressure is None and np.isfinite(upper):  # With pressure, Coulomb friction is that at zero gauge pressure
             own = intervals["coulomb_n"]
             intervals["coulomb_n"] = max(min(own[0], lower), 1e-9), max(own[1], upper)
@@ -296,6 +290,12 @@ def _loaded(run: LabelledLogs, recordings: Sequence[tuple[Recording, str]]) -> d
 
 def _pressure(recording: Recording) -> Array:
     return recording.column("pressure_1_pa") + recording.column("pressure_2_pa")
+
+
+def _holding(interval: tuple[float, float], value: float) -> tuple[float, float]:
+    """Widen an interval of a positive parameter to hold a fit's value."""
+    lower, upper = interval
+    return max(min(lower, (1.0 - LEAST_SHARE) * value), 1e-9), max(upper, (1.0 + LEAST_SHARE) * value)
 
 
 def _unidentified(model: LuGre, recordings: Sequence[Recording], problem: str) -> IdentifiedModel:
