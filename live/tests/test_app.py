@@ -3,6 +3,7 @@
 import json
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -17,6 +18,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from playwright.sync_api import Page
+from websockets.frames import Frame, Opcode
 from websockets.sync.client import connect
 
 from cylinder_friction.arrays import Array
@@ -29,6 +31,7 @@ from cylinder_friction_live.client import Client, LiveClientError
 from cylinder_friction_live.frames import SampleBlock, pack_samples
 from cylinder_friction_live.history import move_into_history
 from cylinder_friction_live.journal import Journal
+from cylinder_friction_live.server import AnsweringProtocol
 from cylinder_friction_live.start import JOURNAL_FILE
 from live_process import PATIENT, stalled_client
 from live_service import running
@@ -118,6 +121,30 @@ def test_an_end_keeps_all_that_came_and_waits_for_no_client_that_reads_nothing(
         np.testing.assert_array_equal(history[["friction_n", "lower_n", "upper_n"]], newtons)
         rows += len(history)
     assert rows >= count > 400
+
+
+def test_a_client_that_dies_with_messages_waiting_is_written_to_no_more(
+    served: Callable[..., str], samples: Array, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    host, port = served().split(":")
+    read = AnsweringProtocol.data_received
+
+    def lose_and_read(protocol: AnsweringProtocol, data: bytes) -> None:
+        protocol.transport.abort()  # as asyncio does when a client cannot be written to
+        read(protocol, data)
+
+    raw = socket.create_connection((host, int(port)))
+    with connect(f"ws://{host}:{port}/stream", sock=raw, close_timeout=0.1) as client:
+        inputs = ["pressure_1_pa", "pressure_2_pa", "position_m"]
+        client.send(json.dumps({"open": {"session": "gone", "inputs": inputs, "sample_time_s": 0.005}}))
+        handle = json.loads(client.recv())["opened"]["handle"]
+        messages = [pack_samples(SampleBlock(handle, row, 0.005 * row, samples[row : row + 1])) for row in range(100)]
+        client.send(messages[0])
+        client.recv()
+        monkeypatch.setattr(AnsweringProtocol, "data_received", lose_and_read)
+        raw.sendall(b"".join(Frame(Opcode.BINARY, each).serialize(mask=True) for each in messages[1:]))
+        time.sleep(0.5)
+    assert [each.message for each in caplog.records if each.name == "asyncio"] == []
 
 
 @pytest.mark.extended
