@@ -52,6 +52,13 @@ def test_json_is_all_that_is_printed(log: Path, tmp_path: Path, capsys: pytest.C
     assert content["refused"][0]["file"] == "bad.csv"
 
 
+def test_nothing_is_said_about_bounds_of_no_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, rows = tmp_path / "short.csv", "".join(f"{each / 10},1,{each},3\n" for each in range(9))
+    log.write_text(f"Time [s],P1 [bar],P2 [bar],Position [mm]\n{rows}", encoding="utf-8")
+    assert main(["estimate", str(log), "--cylinder", GEOMETRY, "--output", str(tmp_path / "out")]) == 1
+    assert "bounds   none: no log was usable\n" in capsys.readouterr().out
+
+
 def test_results_are_the_same_whoever_works(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -275,6 +275,8 @@ def _depends_on(
 def _bounds_in_words(run: LabelledLogs, bounded: bool, entries: Sequence[FrictionOfRecording]) -> str:
     """State what the bounds contain, or why there are none and how stating the sensors' accuracy would help."""
     estimator, assumed = run.friction.estimator, run.logs.assumed
+    if not entries:
+        return "none: no log was usable"
     if estimator is not None:
         return "none: the model was never calibrated" if estimator.bounds is None else estimator.bounds.in_words()
     if bounded:

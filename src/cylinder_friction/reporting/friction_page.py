@@ -154,10 +154,11 @@ def level_tables(
     tables = []
     if found:
         words = (
-            "The mean of all steady sliding, which is of other rows than friction at equal position above, against the "
-            "median of the others: as it is; at equal pressures (their sum, in steps of "
-            f"{PRESSURE_STEP_BAR:g} bar), at equal speed (within a factor of two) and in equal direction, each by "
-            "itself; and at all three together, which is what they do not explain, ± twice its standard error. "
+            "Mean friction of each recording's steady sliding (other rows than those of friction at equal position "
+            "above), and how far it is from the median of the other recordings. The columns after that compare only "
+            f"rows of equal pressure (sum of both, in steps of {PRESSURE_STEP_BAR:g} bar), of equal speed (within a "
+            "factor of two) or of equal direction. What is left with all three equal, ± twice its standard error, is "
+            "not explained by them. "
         )
         rows = [
             [
