@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, refuse_impossible
@@ -84,6 +83,8 @@ def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = 
         >>> round(fit_stribeck(velocity_m_s, curve.friction(velocity_m_s)).coulomb_n)
         300
     """
+    from scipy.optimize import least_squares  # slow to import, and most uses of a curve fit none
+
     velocity, friction = np.asarray(velocity_m_s, dtype=np.float64), np.asarray(friction_n, dtype=np.float64)
     if len(velocity) < CURVE_PARAMETERS:
         raise ValueError(

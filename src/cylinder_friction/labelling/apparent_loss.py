@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -102,6 +101,8 @@ def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> Apparen
 
 def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
     """Fit the sessions of one condition by least squares, with Huber's weights and no negative term."""
+    from scipy.optimize import nnls  # slow to import
+
     blocks, counts = SlidingBlocks.together(sessions), [len(each.stroke) for each in sessions]
     session = np.repeat(np.arange(len(sessions)), counts)
     direction, speed = blocks.direction, np.abs(blocks.columns["velocity_m_s"])

@@ -31,7 +31,6 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from scipy.optimize import minimize
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -352,6 +351,8 @@ def _fitted(
     Return the model, the logarithms of its standard deviations, and the posterior means and standard deviations of the
     sessions' offsets. The search for the logarithms begins at ``guess`` and expects values near ``expected``.
     """
+    from scipy.optimize import minimize  # a third of a second, which a run with nothing new need not wait for
+
     seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
     searched = seen if every == 1 else model._seen(sessions[::every])
     size, even = len(seen.evidence.common) - 1, len(model.quantities.even_places)

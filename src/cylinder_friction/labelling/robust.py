@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array, median
 from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
@@ -81,6 +80,8 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
     Source: ``clustered_covariance``, with Student's t; its degrees of freedom are the number of clusters minus the
     number of coefficients.
     """
+    from scipy.special import stdtrit  # slow to import
+
     free = max(int(clusters.max()) + 1 - design.shape[1], 1)
     variance = np.diag(clustered_covariance(design, fit, clusters))
     return np.asarray(stdtrit(free, 0.5 + 0.5 * confidence) * np.sqrt(np.maximum(variance, 0.0)))

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.friction_models.stribeck import CURVE_PARAMETERS, StribeckCurve, fit_stribeck
@@ -76,6 +75,8 @@ class SteadySliding:
         The interval comes from the scatter of the strokes' medians, weighted by their rows, with Student's t for the
         number of strokes. A single stroke shows no scatter, however many rows it has.
         """
+        from scipy.special import stdtrit  # slow to import
+
         _, stroke, counts = np.unique(self.stroke, return_inverse=True, return_counts=True)
         half_width_n = math.nan
         if len(counts) > 1:
