@@ -145,7 +145,7 @@ def estimate_logs(
             target.claim()
         new = _write_results(run, labelled, into, file_format, depends_on, listed)
         results = sorted([*kept, *new], key=lambda each: Path(each.entry.source_file))
-        current = {each.entry.name for each in results}
+        current, processed = ({each.entry.name for each in some} for some in (results, new))
         stale = [each for each in there if each.entry.name not in current]
         target.remove([name for each in stale for name in each.files])
         offsets = {each.offset.session: each.offset for each in results if each.offset is not None} | run.offsets
@@ -155,7 +155,7 @@ def estimate_logs(
             [each.entry for each in results],
             sorted(run.refused, key=lambda each: (each.file, each.piece)),
             [offsets[name] for name in sorted(offsets)],
-            tuple(each.entry.name for each in results if each in new),
+            tuple(each.entry.name for each in results if each.entry.name in processed),
             depends_on,
             logs.guessed,
             str(read_json(into / SUMMARY_FILE).get("loss", "")) if not new_logs else run.loss_in_words(),

@@ -10,7 +10,7 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -103,9 +103,9 @@ class FrictionOfLogs:
             "folder": self.folder.as_posix(),
             "bounds": self.bounds,
             "recordings": [each.to_dict() for each in self.recordings],
-            "refused": [asdict(each) for each in self.refused],
-            "offsets": [{name: known_number(value) for name, value in asdict(each).items()} for each in self.offsets],
-            "differences": [asdict(each) for each in self.differences],
+            "refused": [dict(vars(each)) for each in self.refused],
+            "offsets": [{name: known_number(value) for name, value in vars(each).items()} for each in self.offsets],
+            "differences": [{**vars(each), "equal": each.equal and vars(each.equal)} for each in self.differences],
             "new": list(self.new),
             "depends_on": dict(self.depends_on),
             "guessed": self.guessed,
@@ -222,22 +222,22 @@ def packed(evidence: OffsetEvidence | None, samples: str) -> str:
     """Encode the data that later recordings are compared with as text; equal content gives equal text."""
 
     def plain(content: Any) -> Any:
-        return content.tolist() if isinstance(content, np.ndarray) else vars(content)
+        array = isinstance(content, np.ndarray)
+        return {"dtype": content.dtype.str, "hex": content.tobytes().hex()} if array else vars(content)
 
     return json.dumps({"evidence": evidence, "samples": samples}, default=plain)
 
 
 def unpacked(text: str) -> tuple[OffsetEvidence | None, str]:
     """Decode the text that ``packed`` made."""
-    about = json.loads(text)
-    evidence = about["evidence"]
-    if evidence is None:
-        return None, about["samples"]
-    sliding = evidence["sliding"]
-    sliding |= {name: np.array(sliding[name], dtype=np.float64) for name in ("label_n", "direction")}
-    sliding["stroke"] = np.array(sliding["stroke"], dtype=np.int64)
-    columns = {name: np.array(values, dtype=np.float64) for name, values in sliding.pop("columns").items()}
-    return OffsetEvidence(**evidence | {"sliding": SlidingBlocks(**sliding, columns=columns)}), about["samples"]
+
+    def array(content: dict[str, Any]) -> Any:
+        return np.frombuffer(bytes.fromhex(content["hex"]), content["dtype"]) if "hex" in content else content
+
+    about = json.loads(text, object_hook=array)
+    if (evidence := about["evidence"]) is not None:
+        evidence = OffsetEvidence(**evidence | {"sliding": SlidingBlocks(**evidence["sliding"])})
+    return evidence, about["samples"]
 
 
 def read_results(folder: Path) -> list[Result]:

@@ -138,33 +138,34 @@ def _undecidable(columns: Mapping[str, Array], direction: Array, shape: Array, l
     fewest = int(min(np.count_nonzero(direction > 0.0), np.count_nonzero(direction < 0.0)))
     if fewest < FEWEST_ROWS:
         return f"the piston moves clearly in both directions in {fewest} rows only, expected {FEWEST_ROWS} each"
-    unexplained = float(np.var(direction - shape @ _factors(shape, direction)) / np.var(direction))
+    unexplained = float(np.var(_beyond(shape, direction)) / np.var(direction))
     return "extension and retraction hardly pass the same positions" if unexplained < LEAST_OVERLAP else ""
 
 
-def _factors(terms: Array, wanted: Array) -> Array:
-    """Fit the terms to what is wanted, without combinations of terms that the rows do not determine."""
-    return np.asarray(np.linalg.lstsq(terms, wanted, rcond=NEGLIGIBLE)[0])
+def _beyond(shape: Array, values: Array) -> Array:
+    """Compute the part of values, shape ``(n, ...)``, that the position does not explain."""
+    return np.asarray(values - shape @ (shape.T @ values))
 
 
 def _position_terms(position_m: Array) -> Array:
-    """Compute the powers 0 to 3 of standardised positions, shape ``(n, 4)``."""
+    """Combine the powers 0 to 3 of positions to orthonormal terms, shape ``(n, 4)``, fewer if rows determine fewer."""
     if not len(position_m):
         return np.empty((0, 4))
     scaled = (position_m - position_m.mean()) / max(float(np.std(position_m)), 1e-12)
-    return np.column_stack([np.ones(len(scaled)), scaled, scaled * scaled, scaled * scaled * scaled])
+    terms, sizes, _ = np.linalg.svd(np.vander(scaled, 4), full_matrices=False)
+    return np.asarray(terms[:, sizes > NEGLIGIBLE * sizes[0]])
 
 
 def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
-    terms, stacked = np.column_stack([direction, shape]), np.column_stack(forces)
-    factors = _factors(terms, stacked)
-    residuals_n = np.sqrt(np.mean((stacked - terms @ factors) ** 2, axis=0)).tolist()
+    own, left_n = _beyond(shape, direction), _beyond(shape, np.column_stack(forces))
+    factors = own @ left_n / (own @ own)
+    residuals_n = np.sqrt(np.mean((left_n - own[:, None] * factors) ** 2, axis=0)).tolist()
     out, strokes = direction > 0.0, int(np.count_nonzero(np.diff(direction))) + 1
     means = [(float(force[out].mean()), -float(force[~out].mean())) for force in forces]
     sure = SURE / math.sqrt(strokes)
     return [
         Balance(friction_n, residual_n, *mean_n, sure * residual_n)
-        for friction_n, residual_n, mean_n in zip(factors[0].tolist(), residuals_n, means, strict=True)
+        for friction_n, residual_n, mean_n in zip(factors.tolist(), residuals_n, means, strict=True)
     ]
 
 

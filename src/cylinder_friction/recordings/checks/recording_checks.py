@@ -12,6 +12,7 @@ from cylinder_friction.recordings.checks.plausibility import check_friction
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
+    OIL_TEMPERATURE,
     OTHER_POSITIONS,
     POSITION,
     PRESSURES,
@@ -122,13 +123,8 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
     ``load_stuck``; ``direction`` and ``friction_size``. The last two are checked only if the areas are known and the
     signals have passed the other checks.
     """
-    rows = len(columns[POSITION])
-    duration_s, rate_hz, least_s, least_hz = (
-        rows * sample_time_s,
-        1.0 / sample_time_s,
-        limits.minimum_duration_s,
-        limits.minimum_rate_hz,
-    )
+    rows, least_s, least_hz = len(columns[POSITION]), limits.minimum_duration_s, limits.minimum_rate_hz
+    duration_s, rate_hz = rows * sample_time_s, 1.0 / sample_time_s
     if duration_s < least_s:
         text = (
             f"lasts {duration_s:.3g} s ({rows} rows), expected at least {least_s:.3g} s; log longer or lower "
@@ -144,7 +140,7 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
     seen = {
         name: _Survey(values, columns[POSITION], limits.steps.get(name, 0.0))
         for name, values in columns.items()
-        if name != TIME
+        if name not in (TIME, OIL_TEMPERATURE)
     }
     findings = [*_of_position(columns, seen, limits)]
     if DRIVE_FORCE in columns:

@@ -376,10 +376,11 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
     if grid.width == 1:
         fits = not any(sign in lines[0] for sign in "\t;,|")
     else:
-        cells = [split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:LOOKED_AT]]
-        names = [row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row)]
+        cells = (split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:LOOKED_AT])
+        names = (row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row))
         trailing = not grid.rows[-1][-1]
-        fits = grid.is_row(cells[0]) or any(len(row) in (grid.width, grid.width - trailing) for row in names)
+        fits = any(len(row) in (grid.width, grid.width - trailing) for row in names)
+        fits = fits or grid.is_row(split_cells(lines[0].lstrip("#% "), grid.delimiter))
     return grid.score >= _LEAST_SCORE, fits, grid.width > 1, round(grid.score, 2), grid.width
 
 

@@ -109,9 +109,11 @@ def read_logged_file(
 
 def _in_parts(table: LoggedTable, rows: int) -> LoggedTable:
     length = len(table.channels)
-    step = -(-length // max(1, round(length / rows)))
+    if (count := round(length / rows)) < 2:
+        return table
+    step = -(-length // count)
     parts = [replace(table, channels=table.channels.iloc[first : first + step]) for first in range(0, length, step)]
-    return table if len(parts) < 2 else replace(parts[0], more=partial(iter, parts[1:]), parts=len(parts))
+    return replace(parts[0], more=partial(iter, parts[1:]), parts=len(parts))
 
 
 def _guarded(tables: Callable[[], Iterator[LoggedTable]], what: str) -> Iterator[LoggedTable]:
