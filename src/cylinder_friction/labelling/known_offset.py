@@ -11,7 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.offset_identification import LEAST_NARROWING, OffsetModel, SessionOffset, offset_model
+from cylinder_friction.labelling.offset_identification import (
+    LEAST_NARROWING,
+    MAY_DIFFER,
+    OffsetModel,
+    SessionOffset,
+    offset_model,
+)
 from cylinder_friction.labelling.sliding_blocks import (
     OffsetPlan,
     SlidingBlocks,
@@ -125,7 +131,8 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     sessions: dict[str, list[OffsetEvidence]] = {}
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)
-    known = [_known(name, sessions[name], model, plan) for name in order]
+    own_n = {} if model is None else _conditions_n(model, {each.session: each.condition for each in counted}, plan)
+    known = [_known(name, sessions[name], model, plan, own_n.get(sessions[name][0].condition, 0.0)) for name in order]
     left = {each.session for each in known if each.source == STATED}
     if model is None or not left:
         return known
@@ -193,6 +200,28 @@ def without_offsets(recordings: Sequence[Recording], models: Mapping[str, Offset
     return list(recordings)
 
 
+def _conditions_n(model: OffsetModel, conditions: Mapping[str, str], plan: OffsetPlan) -> dict[str, float]:
+    """Compute how far a condition's own asymmetry of friction may shift its sessions' offsets [N] (k = 1).
+
+    The mean offset of a condition looks like such an asymmetry. How much conditions differ follows from these means and
+    from ``MAY_DIFFER``. Empty if there is one condition, or one session in each: then sessions differ, not conditions.
+    """
+    found = list(model.sessions.values())
+    names, place, counts = np.unique([conditions[each.session] for each in found], False, True, True)
+    if not 1 < len(names) < len(found):
+        return {}
+    squares = np.bincount(place, [each.offset_n for each in found]) ** 2 / counts**2
+    own = np.bincount(place, [each.prior_n**2 - each.relative_uncertainty_n**2 for each in found]) / counts**2
+    alike = np.maximum(own, 1e-9) * (1.0 - 1.0 / len(names))  # Variance of the means if conditions are alike
+    ratio = np.linspace(0.0, 4.0, 101)[:, None]  # Standard deviation between conditions, over that of its prior
+    differ = (MAY_DIFFER * plan.asymmetry * model.level_n * ratio) ** 2
+    unlikely = (np.log(alike + differ) + squares / (alike + differ)).sum(axis=1) + ratio[:, 0] ** 2
+    share = differ / (alike + differ)
+    likely = np.exp(0.5 * (unlikely.min() - unlikely))
+    variance = np.average(share * alike + share**2 * squares, axis=0, weights=likely)
+    return dict(zip(names.tolist(), np.sqrt(variance).tolist(), strict=True))
+
+
 def _own_asymmetry_n(model: OffsetModel) -> float:
     """Compute how far a session's own asymmetry, as fitted, shifts its friction [N] (k = 1)."""
     return 0.5 * model.plan.asymmetry_sd * model.level_n
@@ -207,11 +236,12 @@ def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
     )
 
 
-def _from_strokes(found: SessionOffset, words: str) -> KnownOffset:
+def _from_strokes(found: SessionOffset, words: str, condition_n: float = 0.0) -> KnownOffset:
     common_n = COVERAGE_FACTOR * found.common_uncertainty_n
     words += f"; ± {common_n:.1f} N of it common to all, whose mean looks like an asymmetry of friction"
-    uncertainty_n, stated_n = COVERAGE_FACTOR * found.standard_uncertainty_n, COVERAGE_FACTOR * found.prior_n
-    return KnownOffset(found.session, STROKES, words, uncertainty_n, stated_n, found.offset_n)
+    words += f", and ± {COVERAGE_FACTOR * condition_n:.1f} N common to its condition" if condition_n else ""
+    uncertainty_n = COVERAGE_FACTOR * math.hypot(found.standard_uncertainty_n, condition_n)
+    return KnownOffset(found.session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)
 
 
 def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
@@ -229,7 +259,9 @@ def cautious(plan: OffsetPlan, sessions: Collection[str]) -> OffsetPlan:
     return replace(plan, asymmetry_sd=max(plan.asymmetry_sd, plan.asymmetry / max(len(sessions), 1)))
 
 
-def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan) -> KnownOffset:
+def _known(
+    session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan, condition_n: float
+) -> KnownOffset:
     found = None if model is None else model.sessions.get(session)
     if found is None or model is None:
         reasons = dict.fromkeys(each.why_not or each.uneven for each in own if each.why_not or each.uneven)
@@ -243,6 +275,7 @@ def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | Non
             found,
             f"{found.strokes_extend} strokes extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} "
             f"s, {together}",
+            condition_n,
         )
     stated = [math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]
     stated_n = float(np.max(stated))

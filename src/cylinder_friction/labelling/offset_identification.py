@@ -62,8 +62,8 @@ _LEAST_NOISE = 1e-4
 """Least noise over friction's level; simulated friction without noise would make the equations singular."""
 _STARTS = (0.003, 0.03, 0.15)
 """Further starts of the search for a session's own asymmetry, since offset and asymmetry explain much the same."""
-_FEW = 0.25
-"""Share of the common asymmetry by which two sessions may differ; it falls as the number of sessions grows."""
+MAY_DIFFER = 0.25
+"""Share of the common asymmetry by which conditions may differ, or two sessions; sessions less if there are more."""
 _QUANTITY, _RIPPLE = 0.3, 0.05
 """Prior standard deviations of friction's coefficients over its level: per standardised quantity, and per order of
 position. Greater values would let friction absorb differences between the directions that belong to the offset."""
@@ -303,7 +303,7 @@ def offset_model(
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
     asymmetry, blocks = max(plan.asymmetry, _asymmetry_seen(sessions)), SlidingBlocks.together(sessions)
-    few = _FEW * asymmetry / max(len(sessions) - 1, 1)
+    few = MAY_DIFFER * asymmetry / max(len(sessions) - 1, 1)
     varies = plan.asymmetry_sd * (asymmetry / plan.asymmetry if plan.asymmetry > 0.0 else 1.0)
     plan = replace(plan, asymmetry=asymmetry, asymmetry_sd=math.hypot(varies, 2.0 * few))
     model = OffsetModel(plan, FrictionQuantities.of(blocks, cylinder, columns), blocks.level_n)

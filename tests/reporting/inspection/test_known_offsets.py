@@ -58,6 +58,17 @@ def test_strokes_in_both_directions_show_each_session_s_offset(
         assert "12 sessions together" in each.words
 
 
+def test_the_mean_of_a_condition_may_be_an_asymmetry_of_its_own(cylinder: Cylinder, filters: Filters) -> None:
+    alike = [stated(made_strokes(cylinder, load), f"s{number:02d}") for number, load in enumerate(OFFSETS_N)]
+    differ = [
+        replace(each, metadata=replace(each.metadata, condition=str(number % 3))) for number, each in enumerate(alike)
+    ]
+    for one, own in zip(known(alike, cylinder, filters), known(differ, cylinder, filters), strict=True):
+        assert one.offset_n == own.offset_n
+        assert 1.1 * one.uncertainty_n < own.uncertainty_n < own.stated_n
+        assert own.words.startswith(f"{one.words}, and ± ")
+
+
 def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
     both = made_strokes(cylinder)
     out = both.column("position_m").max() + np.cumsum(np.abs(np.gradient(both.column("position_m"))))
