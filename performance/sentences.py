@@ -110,10 +110,6 @@ class Simulated:
         """Whether bounds are said to be too narrow: zeros worse than stated, a line that is named, a noted position."""
         return self.world.zero_bar > self.world.stated_bar or bool(self.world.line_bar) or self.world.noisy_position
 
-    def uneven_in_each(self, words: str) -> bool:
-        """Whether words rest on an asymmetry common to all conditions, which differ in it by themselves."""
-        return "if friction is as asymmetric in each" in words and "asymmetry_by_condition" in self.world.options
-
     def own(self, name: str) -> list[RigRecording]:
         """Return the recordings whose name begins so."""
         return [each for each in self.recorded if each.metadata.name.startswith(name)]
@@ -214,7 +210,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     (
         "labelling/known_offset.py, value of strokes",
         r"(-?[\d.]+) ± ([\d.]+) N +strokes in both directions",
-        lambda m, made, name: made.uneven_in_each(m.string) or abs(made.zero_n(name) - float(m[1])) <= float(m[2]),
+        lambda m, made, name: abs(made.zero_n(name) - float(m[1])) <= float(m[2]),
     ),
     (
         "labelling/known_offset.py too_uneven",
@@ -435,7 +431,5 @@ def bounded(result: Path, made: Simulated) -> bool:
     truth_n = made.own(result.stem)[0].truth["friction_n"].to_numpy()[: len(table)]
     rows: Array = table["usable"].to_numpy()
     held = (table["lower_n"].to_numpy() <= truth_n) & (truth_n <= table["upper_n"].to_numpy())
-    if "asymmetry_by_condition" in made.world.options:  # Bounds are said to rest on one asymmetry
-        return True
     excepted = (made.beside and not made.world.line_bar) or (made.world.weight_n and made.world.load == "none")
     return bool(excepted or not rows.any() or held[rows].mean() >= 0.9)

@@ -33,6 +33,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.labelling.known_offset import (
     STROKES,
     KnownOffset,
+    OffsetEvidence,
     known_offsets,
     mean_uncertainty_n,
     offset_evidence,
@@ -139,12 +140,15 @@ def groupings(labelled: list[Recording], seed: int) -> Iterator[tuple[str, list[
 
 def identified(labelled: list[Recording], cylinder: Cylinder) -> dict[str, KnownOffset]:
     """Return what a call knows of the offset of each session."""
-    evidence = []
-    for each in labelled:
-        position_m, velocity_m_s, friction_n = map(each.column, ("position_m", "velocity_m_s", "friction_n"))
-        halves = up_and_down(position_m, velocity_m_s, friction_n, each.usable(), PLAN.slowest_m_s)
-        evidence.append(offset_evidence(each, cylinder, PLAN, *halves, ""))
+    evidence = [evidence_of(each, cylinder) for each in labelled]
     return {each.session: each for each in known_offsets(evidence, cylinder, PLAN)}
+
+
+def evidence_of(labelled: Recording, cylinder: Cylinder) -> OffsetEvidence:
+    """Return what a labelled recording shows, as the commands collect it."""
+    position_m, velocity_m_s, friction_n = map(labelled.column, ("position_m", "velocity_m_s", "friction_n"))
+    halves = up_and_down(position_m, velocity_m_s, friction_n, labelled.usable(), PLAN.slowest_m_s)
+    return offset_evidence(labelled, cylinder, PLAN, *halves, "")
 
 
 def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinder) -> Iterator[dict[str, float]]:

@@ -1,12 +1,12 @@
 """Labelling of filtered recordings: friction by the equation of motion, and the mask of usable rows."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.cylinder import Cylinder
@@ -27,13 +27,10 @@ from cylinder_friction.signals.motion import widened
 from cylinder_friction.signals.smooth_signals import (
     SMOOTH_LOAD,
     SignalFilter,
-    SmoothDrive,
-    SmoothSignals,
     Support,
     filtered,
     signals_of,
-    smooth_load,
-    smooth_recording,
+    smooth_columns,
 )
 from cylinder_friction.signals.zero_phase import default_filter
 
@@ -88,7 +85,7 @@ class Labeller:
         strokes, blocks, others = [], [], tuple[str, ...]()
         for recording in recordings:
             signals, position_m = signals_of(recording), recording.column("position_m")
-            load_n = self._load(recording, None, partial(recording.column, SMOOTH_LOAD))
+            load_n = self._load(recording, None)
             force_n = friction_label(signals, position_m, load_n, self.cylinder, self.stiffness)
             # The inertia of the given mass is added back, because the moving mass is being identified.
             force_n = force_n + self.cylinder.moving_mass_kg * signals.acceleration_m_s2
@@ -134,12 +131,10 @@ class Labeller:
         Raises:
             RecordingError: The recording's columns and ``load`` contradict each other.
         """
-        load_n = self._load(recording, identified, partial(recording.column, SMOOTH_LOAD))
-        support = signal_filter.support(recording.sample_time_s)
-        friction_n, usable = self._from_signals(recording, signals_of(recording), load_n, support, identified)
-        columns: dict[str, Array] = {}
+        load_n, columns = self._load(recording, identified), dict[str, Array]()
+        balanced = self._balanced(recording, load_n, signal_filter, identified)
         load_uncertainty_n: Array | float = 0.0
-        if self.load == "position" and identified is not None and identified.load is not None:
+        if identified is not None and identified.load is not None:
             columns[LOAD_FORCE] = np.asarray(load_n)
             load_uncertainty_n = identified.load.uncertainty_n(recording.samples(identified.load.columns))
         lines_n = line_uncertainty(recording, self.cylinder, recording.column("velocity_m_s"))
@@ -147,7 +142,7 @@ class Labeller:
         uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n, smoothing_n)
         if uncertainty_n is not None:
             columns[UNCERTAINTY_COLUMN] = uncertainty_n
-        return recording.with_columns(**columns, friction_n=friction_n, usable=usable)
+        return recording.with_columns(**columns, **balanced)
 
     def labelled(
         self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
@@ -167,31 +162,27 @@ class Labeller:
 
         ``truth`` has ``friction_n`` and ``velocity_m_s`` at the same rows.
         """
-        labels: dict[str, Array] = {}
-        usable = np.ones(len(recording), dtype=np.bool_)
-        for name, signal_filter in filters.items():
-            signals = smooth_recording(recording, signal_filter)
-            support = signal_filter.support(recording.sample_time_s)
-            load_n = self._load(recording, identified, partial(smooth_load, recording, signal_filter))
-            labels[name], own_usable = self._from_signals(recording, signals, load_n, support, identified)
-            usable &= own_usable
+        labels = {}
+        for name, each in filters.items():
+            smooth = recording.with_columns(**smooth_columns(recording, each))
+            labels[name] = self._balanced(smooth, self._load(smooth, identified), each, identified)
         into.add(
             recording.metadata.condition,
             recording.sample_time_s,
-            labels,
-            usable,
+            {name: each["friction_n"] for name, each in labels.items()},
+            np.logical_and.reduce([each["usable"] for each in labels.values()]),
             truth["friction_n"].to_numpy(dtype=np.float64),
             truth["velocity_m_s"].to_numpy(dtype=np.float64),
         )
 
-    def _from_signals(
+    def _balanced(
         self,
         recording: Recording,
-        signals: SmoothSignals | SmoothDrive,
         load_n: Array | float,
-        support: Support,
+        signal_filter: SignalFilter,
         identified: SessionIdentification | None,
-    ) -> tuple[Array, Mask]:
+    ) -> dict[str, NDArray[Any]]:
+        """Compute ``friction_n`` and ``usable`` of a filtered recording with this load [N]."""
         if self.needs_identification and identified is None:
             raise ValueError(
                 f"recording {recording.name!r}: expected load and mass of its session (Labeller.identify), but got None"
@@ -200,29 +191,24 @@ class Labeller:
         cylinder = self.cylinder
         if identified is not None and identified.moving_mass_kg != cylinder.moving_mass_kg:
             cylinder = replace(cylinder, moving_mass_kg=identified.moving_mass_kg)
-        friction_n = friction_label(signals, position_m, load_n, cylinder, self.stiffness)
+        friction_n = friction_label(signals_of(recording), position_m, load_n, cylinder, self.stiffness)
+        support = signal_filter.support(recording.sample_time_s)
         usable = usable_rows(position_m, cylinder.stroke_m, self.end_stop_margin_m, support)
-        if self.load == "position" and identified is not None and identified.load is not None:
+        if identified is not None and identified.load is not None:
             usable &= identified.load.knows(recording.samples(identified.load.columns))
-        return friction_n, usable
+        return {"friction_n": friction_n, "usable": usable}
 
-    def _load(
-        self, recording: Recording, identified: SessionIdentification | None, smooth: Callable[[], Array | None]
-    ) -> Array | float:
-        """Compute the load [N]; ``smooth`` returns the smoothed measured load.
+    def _load(self, recording: Recording, identified: SessionIdentification | None) -> Array | float:
+        """Compute the load of a filtered recording [N].
 
         Raises:
             RecordingError: The recording has a measured load but none is expected, or the reverse.
         """
-        measured = LOAD_FORCE in recording.columns
-        if measured != (self.load == "measured"):
+        if (LOAD_FORCE in recording.columns) != (self.load == "measured"):
             raise RecordingError(f"recording {recording.name!r}: {_contradiction(self.load)}")
         if self.load == "measured":
-            load_n = smooth()
-            assert load_n is not None
-            return load_n
-        if self.load == "position" and identified is not None:
-            assert identified.load is not None
+            return recording.column(SMOOTH_LOAD)
+        if identified is not None and identified.load is not None:
             return identified.load.load_n(recording.samples(identified.load.columns))
         return 0.0
 

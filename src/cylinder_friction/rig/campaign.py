@@ -30,7 +30,6 @@ from cylinder_friction.rig.variation import (
     draw_rig,
     draw_session,
     draw_wide_rig,
-    with_other_ratio,
 )
 
 TRUTH_COLUMNS = (
@@ -94,14 +93,16 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
         # A load that pulls would draw a vacuum; circuits for such loads have anti-cavitation valves.
         specimen = replace(specimen, hydraulics=replace(specimen.hydraulics, makeup_gain=MAKEUP_GAIN))
     for condition, gain in THROTTLE_GAINS.items():
+        off = plan.asymmetry_by_condition * float(_generator(plan, int(condition), 0, 0).standard_normal())
         for number in range(1, plan.sessions_per_condition + 1):
             session = draw_session(
-                _asymmetric(plan, specimen, int(condition)).with_throttle(gain),
+                specimen.with_throttle(gain),
                 _generator(plan, int(condition), number, 0),
                 plan.recordings_per_session * (plan.duration_s + PAUSE_S),
                 zeroed=plan.zeroed,
                 residual_offset_pa=plan.residual_offset_bar * BAR_PA,
                 asymmetry_sd=plan.asymmetry_sd,
+                asymmetry_off=off,
             )
             yield from _session(plan, session, condition, number)
 
@@ -118,15 +119,6 @@ def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:
         line_laminar_pa_s_m3=laminar_pa / flow_m3_s,
         line_turbulent_pa_s2_m6=(plan.line_loss_bar * BAR_PA - laminar_pa) / flow_m3_s**2,
     )
-
-
-def _asymmetric(plan: CampaignPlan, specimen: RigParameters, condition: int) -> RigParameters:
-    """Build the specimen with the friction asymmetry of one condition."""
-    if not plan.asymmetry_by_condition:
-        return specimen
-    off = plan.asymmetry_by_condition * float(_generator(plan, condition, 0, 0).standard_normal())
-    asymmetry = with_other_ratio(specimen.friction.asymmetry, off)
-    return replace(specimen, friction=replace(specimen.friction, asymmetry=asymmetry))
 
 
 def _session(plan: CampaignPlan, session: Session, condition: str, number: int) -> Iterator[RigRecording]:

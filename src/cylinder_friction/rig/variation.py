@@ -82,13 +82,14 @@ def draw_session(
     zeroed: bool,
     residual_offset_pa: float,
     asymmetry_sd: float = 0.0,
+    asymmetry_off: float = 0.0,
 ) -> Session:
     """Draw one session on this rig.
 
     Friction varies by about ±5 % from run to run: it has a level for the day and wanders slowly about it. Zeroing the
     transmitters on vented chambers leaves at most the residual offset. Without zeroing, the data sheet allows an offset
-    of ±0.5 % of the span and a gain error of ±0.3 %. The ratio of friction retracting to friction extending varies from
-    session to session with the standard deviation ``asymmetry_sd``.
+    of ±0.5 % of the span and a gain error of ±0.3 %. The ratio of friction retracting to friction extending is off by
+    ``asymmetry_off``, and varies from session to session with the standard deviation ``asymmetry_sd``.
     """
     day = float(np.clip(generator.normal(1.0, 0.03), 0.95, 1.05))
     count = math.ceil(duration_s / DRIFT_STEP_S) + 4
@@ -97,16 +98,12 @@ def draw_session(
     temperature_c = float(generator.uniform(24.0, 46.0))
     load_offset_n, load_gain = generator.uniform(-1.0, 1.0, 2)
     sensors = replace(sensors, load_offset_n=7.0 * float(load_offset_n), load_gain=1.0 + 0.001 * float(load_gain))
-    off = asymmetry_sd * float(generator.standard_normal())
-    asymmetry = with_other_ratio(rig.friction.asymmetry, off) if asymmetry_sd else rig.friction.asymmetry
+    off, asymmetry = asymmetry_off + asymmetry_sd * float(generator.standard_normal()), rig.friction.asymmetry
+    if off:
+        ratio = (1.0 + asymmetry) / (1.0 - asymmetry) + off
+        asymmetry = (ratio - 1.0) / (ratio + 1.0)
     rig = replace(rig, sensors=sensors, friction=replace(rig.friction, asymmetry=asymmetry))
     return Session(rig, temperature_c, np.asarray(day + wander))
-
-
-def with_other_ratio(asymmetry: float, off: float) -> float:
-    """Compute the asymmetry whose ratio of friction retracting to friction extending is larger by ``off``."""
-    ratio = (1.0 + asymmetry) / (1.0 - asymmetry) + off
-    return (ratio - 1.0) / (ratio + 1.0)
 
 
 def _calibrated(
