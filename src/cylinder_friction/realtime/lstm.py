@@ -123,7 +123,7 @@ class LstmState:
 
 
 class Lstm:
-    """Runs ``LstmWeights`` over features; a ``CausalBlock`` with two outputs."""
+    """Runs ``LstmWeights`` over features, with state."""
 
     def __init__(self, weights: LstmWeights) -> None:
         self.weights = weights
