@@ -13,7 +13,7 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.evaluation.measured_errors import errors_by_condition
+from cylinder_friction.evaluation.comparison import compare
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -73,8 +73,8 @@ def test_an_incumbent_from_other_recordings_is_measured_on_the_present_ones(
     register.run(shipped())
     measured = json.loads(registered(repository))["incumbent"]
     hybrid, recordings = load_estimator(repository / "models/hybrid"), read_stored(repository / "data/processed/test")
-    assert measured == errors_by_condition(hybrid, recordings, "label", "")
-    assert set(measured) == {"1", "2", "3", "4"}
+    compared = compare({"hybrid": hybrid}, recordings)
+    assert measured == {condition: compared.percent("hybrid", condition) for condition in ("1", "2", "3", "4")}
 
 
 def test_the_gate_goes_by_true_friction_where_it_is_known(repository: Path) -> None:
@@ -92,19 +92,6 @@ def test_the_gate_goes_by_true_friction_where_it_is_known(repository: Path) -> N
     path.write_text(json.dumps(metrics), encoding="utf-8")
     register.run(shipped())
     assert json.loads(registered(repository))["reference"] == "label"
-
-
-def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_known(
-    repository: Path, tmp_path: Path
-) -> None:
-    test = read_stored(repository / "data/processed/test")
-    known = test[0]
-    estimate_n = load_estimator(repository / "models/hybrid").estimate(known)
-    truth = known.table[["time_s", "velocity_m_s"]].assign(friction_n=estimate_n / 1.25)
-    truth.to_parquet(tmp_path / f"{known.name}.parquet")
-    hybrid = load_estimator(repository / "models/hybrid")
-    measured = errors_by_condition(hybrid, test, "truth", str(tmp_path))
-    assert measured == {known.metadata.condition: pytest.approx(25.0)}
 
 
 def test_without_a_registry_nothing_is_decided(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:

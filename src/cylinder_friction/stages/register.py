@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 from cylinder_friction.dvc_hashes import data_hashes, known_hash
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
-from cylinder_friction.evaluation.measured_errors import errors_by_condition
+from cylinder_friction.evaluation.comparison import compare
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.files.whole_files import read_json, read_yaml, write_json
 from cylinder_friction.params.composing import as_run_params
 from cylinder_friction.params.file import PARAMS_FILE
-from cylinder_friction.recordings.storage import iterate_recordings
+from cylinder_friction.recordings.storage import iterate_recordings, read_stored
+from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (
@@ -71,8 +72,11 @@ def run(params: Params) -> RunRecord:
     )
 
     def measure(saved: Path) -> dict[str, float]:
-        recordings = iterate_recordings(PROCESSED_FOLDERS["test"])
-        return errors_by_condition(load_estimator(saved), recordings, reference, ingested["truth"])
+        recordings = read_stored(PROCESSED_FOLDERS["test"])
+        truth_n = known_truth(ingested["truth"], recordings)
+        compared = compare({"champion": load_estimator(saved)}, recordings, truth_n=truth_n)
+        scores = compared.truth if reference == "truth" else compared.label
+        return {condition: score.errors.percent for condition, score in scores["champion"].items()}
 
     decided = register(candidate, Path(), measure)
     write_json(REGISTERED_FILE, decided.to_dict())
