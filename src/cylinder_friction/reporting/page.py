@@ -35,12 +35,13 @@ WIDE_SPAN = 10.0
 _LEGEND = {
     "orientation": "h",
     "yref": "container",
-    "y": 1.0,
     "yanchor": "top",
     "xref": "container",
     "x": 0.0,
     "itemsizing": "constant",
 }
+TOOLBAR = 24
+"""Height of Plotly's toolbar, for which the top of each figure is free, so that it covers no legend [pixels]."""
 LINE_POINTS = 2400
 PANEL_HEIGHT = 165
 PLOTTED = 12
@@ -112,12 +113,13 @@ class PageFigure:
         self.layout["shapes"].append({"type": "line", **ends, "line": dict(line)})
 
     def look(self, height: int, legend_rows: int = 1, **layout: Any) -> Self:
-        """Give this figure the common look; ``legend_rows`` are kept free above it."""
+        """Give this figure the common look; the toolbar and ``legend_rows`` are kept free above it."""
+        height += TOOLBAR
         self.layout |= {
             "height": height,
             "font": {"family": FONT, "size": 13, "color": INK},
-            "margin": {"l": 62, "r": 16, "t": 22 + 20 * legend_rows, "b": 48},
-            "legend": _LEGEND,
+            "margin": {"l": 62, "r": 16, "t": 22 + TOOLBAR + 20 * legend_rows, "b": 48},
+            "legend": {**_LEGEND, "y": 1.0 - TOOLBAR / height},
             "hoverlabel": {"font": {"family": FONT}},
             "plot_bgcolor": "rgba(0,0,0,0)",
             "paper_bgcolor": "rgba(0,0,0,0)",

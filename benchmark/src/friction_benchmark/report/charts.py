@@ -63,7 +63,7 @@ def leaderboard(result: TaskResult, titles: ModelTitles) -> PageFigure:
     names = [_cut(titles(entry.model), LONGEST) for entry in result.entries]
     figure.x_axis(title=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
     figure.y_axis(tickvals=list(range(len(names))), ticktext=names, range=[len(names) - 0.5, -0.5], showgrid=False)
-    return figure.look(ROW * len(names) + 130, legend_rows=2, margin={"r": 62, "l": 8, "t": 78, "b": 48})
+    return figure.look(ROW * len(names) + 130, legend_rows=2, margin={"r": 62, "l": 8, "t": 102, "b": 48})
 
 
 def _band(figure: PageFigure, axis: str, low: float, high: float, colour: str, opacity: float = 1.0) -> None:
