@@ -105,11 +105,12 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
     Returns:
         ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds
         around it [N]; ``flags``: bits of ``Flag``, and ``flag_names``: their names, with spaces between them; each
-        recording begins with a fresh state. ``in_training_range``:
-        whether this row and all rows of its recording in the second before it lie within the training range widened
-        by 5 %; if not, the friction is an extrapolation. Of an estimator that learns the offset of the sensors' zeros
-        also ``offset_n`` and ``offset_uncertainty_n``: offset in friction as learned up to this row, which the next
-        one's friction is free of, and its standard uncertainty [N]. All have shape ``(n,)``.
+        recording begins with a fresh state. A row flagged ``NOT_READY`` has no estimate: as in every runtime, its
+        friction and bounds are 0. ``in_training_range``: whether this row and all rows of its recording in the second
+        before it lie within the training range widened by 5 %; if not, the friction is an extrapolation. Of an
+        estimator that learns the offset of the sensors' zeros also ``offset_n`` and ``offset_uncertainty_n``: offset in
+        friction as learned up to this row, which the next one's friction is free of, and its standard uncertainty [N].
+        All have shape ``(n,)``.
 
     Raises:
         ScoringError: There is no row, a column is missing, of another length or not numeric, or a value is NaN or
