@@ -100,7 +100,17 @@ class AnalyticalEstimator(FrictionEstimator):
                 f"{self.kind}: no recording of condition {self.condition!r}; got conditions "
                 f"{sorted({recording.metadata.condition for recording in recordings})}; name one of them"
             )
-        found = self._identify(self._begin_fit(chosen), self.effort)
+        found = identify(
+            self.model,
+            self._begin_fit(chosen),
+            {name: _velocity_by(velocity) for name, velocity in self._velocities().items()},
+            None if self._pressures is None else self._scaling_pressure,
+            self.effort,
+            mass_kg=self.cylinder.moving_mass_kg,
+            damping_ratio=self.damping_ratio,
+            dead_band_m_s=self.velocity_dead_band_m_s,
+            confidence=self.confidence,
+        )
         self.intervals, self.identification = found.intervals, found
         self._use(found.parameters, self._velocities()[found.velocity])
         return self
@@ -120,22 +130,6 @@ class AnalyticalEstimator(FrictionEstimator):
 
     def multiply_adds(self) -> int:
         return self.model.multiply_adds + (0 if self.causal_velocity is None else 2 * self.causal_velocity.window)
-
-    def _identify(
-        self, recordings: Sequence[Recording], effort: SearchEffort, also_from: Sequence[ModelParameters] = ()
-    ) -> Identification:
-        return identify(
-            self.model,
-            recordings,
-            {name: _velocity_by(velocity) for name, velocity in self._velocities().items()},
-            None if self._pressures is None else self._scaling_pressure,
-            effort,
-            mass_kg=self.cylinder.moving_mass_kg,
-            damping_ratio=self.damping_ratio,
-            dead_band_m_s=self.velocity_dead_band_m_s,
-            confidence=self.confidence,
-            also_from=also_from,
-        )
 
     def _scaling_pressure(self, recording: Recording) -> Array:
         assert self._pressures is not None

@@ -10,10 +10,8 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
-from cylinder_friction.friction_models.parameters import ModelParameters
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 
 class LugreEstimator(AnalyticalEstimator):
@@ -74,17 +72,6 @@ class LugreEstimator(AnalyticalEstimator):
         if self.condition is None and recordings:
             self.condition = condition_of_smallest_friction(recordings)
         return super().fit(recordings)
-
-    def _use(self, parameters: ModelParameters, velocity: CausalVelocity) -> None:
-        assert isinstance(parameters, LugreParameters)
-        super()._use(parameters, velocity)
-
-    def _write(self, folder: Path) -> dict[str, Any]:
-        content = super()._write(folder)
-        kept = {key: value for key, value in content.items() if key != "friction_model"}
-        for entry in kept["model"].values():
-            del entry["meaning"]
-        return kept
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003 - everything is JSON

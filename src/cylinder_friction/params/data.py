@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.params.section import Count, NotNegative, Positive, Section, Seed
 from cylinder_friction.recordings.checks.limits import CheckRules, LoadMode
 from cylinder_friction.recordings.formats.format import CsvOptions
@@ -105,19 +106,11 @@ class OffsetParams(Section):
     drift_s: Positive
 
 
-class IdentifyParams(Section):
-    """How a load that depends on position is identified; see ``labelling.LoadPlan``."""
-
-    slowest_m_s: NotNegative
-    settling_travel_m: NotNegative
-    asymmetry: NotNegative
-
-
 class LabelParams(Section):
     """How friction is computed from the equation of motion, and which rows are usable."""
 
     inertia: Literal["given", "identified"]
-    identify: IdentifyParams
+    identify: LoadPlan
     stiffness: Literal["none", "trapped_oil", "external", "paper_literal"]
     bulk_modulus_pa: Positive
     external_stiffness_n_m: NotNegative

@@ -79,11 +79,11 @@ def sines(rig: RigParameters, generator: Generator, duration_s: float) -> list[R
     return rows
 
 
-def breakaway_ramps(rig: RigParameters, generator: Generator, ramps: int = 3) -> list[Row]:
+def breakaway_ramps(rig: RigParameters, generator: Generator) -> list[Row]:
     """Plan slow openings of the valve after dwells of different length, each until well after breakaway."""
     rows: list[Row] = []
     direction = float(generator.choice((-1.0, 1.0)))
-    for _ in range(ramps):
+    for _ in range(3):
         rows.append(_row(0.0, 0.15, generator.uniform(0.5, 4.0)))
         lever = lever_for_speed(rig, direction * generator.uniform(0.004, 0.015))
         rows.append((RAMP, lever, generator.uniform(0.8, 2.0), 0.3, 0.0, *_limits(rig, generator), 0.3, 0.0, 0.3))

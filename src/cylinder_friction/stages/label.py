@@ -17,7 +17,6 @@ from cylinder_friction.files.whole_files import read_json, whole_folder, write_j
 from cylinder_friction.labelling.audit import Audit, AuditRow
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
 from cylinder_friction.recordings.truth import read_truth
@@ -108,8 +107,7 @@ def labeller_from(params: Params, load: LoadMode) -> Labeller:
         reference_m=settings.stiffness_reference_m,
         dead_volume_m3=settings.dead_volume_m3,
     )
-    plan = LoadPlan(**settings.identify.model_dump())
-    return Labeller(params.cylinder, stiffness, settings.end_stop_margin_m, load, settings.inertia, plan)
+    return Labeller(params.cylinder, stiffness, settings.end_stop_margin_m, load, settings.inertia, settings.identify)
 
 
 @dataclass(frozen=True)

@@ -33,12 +33,11 @@ PIECE_LEAD_S = 0.5
 class SearchEffort:
     """Budget of the joint search."""
 
-    seed: int  # Seed of the first differential evolution; each restart adds 1
+    seed: int  # Seed of differential evolution
     population: int  # Members per coordinate
     generations: int  # Greatest number of generations
     # Number of recordings, evenly spaced, that the first local searches and differential evolution simulate
     simulated_recordings: int
-    restarts: int = 1  # Number of runs of the whole search; the best result is kept
     first_look_evaluations: int = 150  # Simulations of each first local search, per candidate velocity and start
     polish_evaluations: int = 600  # Simulations of each Nelder-Mead search at the end
     repolishes: int = 0  # Number of further searches from the best result, with a fresh simplex
@@ -79,7 +78,6 @@ def identify(
     damping_ratio: float,
     dead_band_m_s: float,
     confidence: float,
-    also_from: Sequence[ModelParameters] = (),
 ) -> Identification:
     """Identify a friction model from labelled recordings.
 
@@ -98,7 +96,6 @@ def identify(
         damping_ratio: Damping ratio of that mass on the bristles.
         dead_band_m_s: Speed in the labels below which the piston counts as standing [m/s].
         confidence: Probability of the confidence intervals.
-        also_from: Further starting points of the search, for example parameters identified elsewhere.
 
     Raises:
         ValueError: The model needs a pressure but gets none, or the reverse; or steady sliding gives too few points.
@@ -122,7 +119,6 @@ def identify(
     reference = next(iter(offered.values())).reference_pressure_pa if pressure is not None else 0.0
     coordinates = Coordinates.around(model, curve, mass_kg, damping_ratio, reference)
     starts = [coordinates.start(curve, factor * stiffness) for factor in STIFFNESS_FACTORS]
-    starts += [coordinates.point(parameters) for parameters in also_from]
     chosen, looks = _first_looks(offered, coordinates, starts, effort.first_look_evaluations)
     everything = motions_of(recordings, chosen)
     polished = motions_of(recordings, chosen, effort.polished_piece_s) if effort.polished_piece_s else everything
@@ -159,22 +155,17 @@ def _first_looks(
 def _search(
     few: Motions, polished: Motions, coordinates: Coordinates, looks: Sequence[Array], effort: SearchEffort
 ) -> tuple[Array, list[float]]:
-    """Search for the best point; return it with the history of the best differential evolution."""
-    first = min(looks, key=lambda point: few.error_of(coordinates.values(point)))
-    candidates, histories = list(looks), list[list[float]]()
-    total = effort.restarts * effort.generations
-    with tqdm(total=total, desc=f"identify {coordinates.model.title}", unit="generation", disable=None) as progress:
-        for restart in range(effort.restarts):
-            found, history = search_globally(
-                few, coordinates, first, effort.seed + restart, effort.population, effort.generations, progress.update
-            )
-            candidates.append(found)
-            histories.append(history)
-    ends = [search_locally(polished, coordinates, candidate, effort.polish_evaluations) for candidate in candidates]
+    """Search for the best point; return it with the history of differential evolution."""
+    first, words = min(looks, key=lambda point: few.error_of(coordinates.values(point))), coordinates.model.title
+    with tqdm(total=effort.generations, desc=f"identify {words}", unit="generation", disable=None) as progress:
+        found, history = search_globally(
+            few, coordinates, first, effort.seed, effort.population, effort.generations, progress.update
+        )
+    ends = [search_locally(polished, coordinates, each, effort.polish_evaluations) for each in (*looks, found)]
     best = min(ends, key=lambda point: polished.error_of(coordinates.values(point)))
     for _ in range(effort.repolishes):
         best = search_locally(polished, coordinates, best, effort.polish_evaluations)
-    return best, min(histories, key=lambda history: history[-1])
+    return best, history
 
 
 def _motion(
@@ -204,6 +195,5 @@ def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> 
 
 
 def _spread(recordings: Sequence[Recording], count: int) -> list[Recording]:
-    if count >= len(recordings):
-        return list(recordings)
-    return [recordings[number] for number in np.linspace(0, len(recordings) - 1, count).round().astype(int)]
+    places = np.linspace(0, len(recordings) - 1, min(count, len(recordings)))
+    return [recordings[number] for number in places.round().astype(int)]

@@ -22,6 +22,8 @@ LEAST_SPEED_M_S = 1e-4
 
 STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
 """Tolerances of ``steady_rows``, tried from the strictest until one leaves enough rows."""
+BINS, ROWS_PER_POINT = 12, 40
+"""Bins of speed in each direction, and the least rows of one."""
 LEAST_SPAN = 5.0
 """Smallest ratio of the fastest to the slowest steady speed at which a curve's level and slope can be separated."""
 BELOW_SEEN = 0.6
@@ -96,9 +98,7 @@ def steady_points(recordings: Sequence[Recording], slowest_m_s: float) -> list[S
     return [each.point() for each in steady_sliding_by_speed(recordings, slowest_m_s)]
 
 
-def steady_sliding_by_speed(
-    recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_per_point: int = 40
-) -> list[SteadySliding]:
+def steady_sliding_by_speed(recordings: Sequence[Recording], slowest_m_s: float) -> list[SteadySliding]:
     """Group the rows of steady sliding by speed, from the fastest retraction to the fastest extension.
 
     Speeds are binned on a logarithmic scale, separately for each direction. A hand never moves at exactly constant
@@ -114,11 +114,11 @@ def steady_sliding_by_speed(
             mask & steady_rows(recording.column("velocity_m_s"), recording.sample_time_s, slowest_m_s, variation)
             for recording, mask in zip(recordings, slid, strict=True)
         ]
-        found = _by_speed(_joined(recordings, slid, masks), slowest_m_s, bins, rows_per_point)
-        if min(sum(bool(each.velocity_m_s[0] * way > 0.0) for each in found) for way in (-1.0, 1.0)) >= bins // 2:
+        found = _by_speed(_joined(recordings, slid, masks), slowest_m_s, ROWS_PER_POINT)
+        if min(sum(bool(each.velocity_m_s[0] * way > 0.0) for each in found) for way in (-1.0, 1.0)) >= BINS // 2:
             return found
     if len(found) < CURVE_PARAMETERS:
-        found = _by_speed(_joined(recordings, slid, slid), slowest_m_s, bins, rows_per_point // 4)
+        found = _by_speed(_joined(recordings, slid, slid), slowest_m_s, ROWS_PER_POINT // 4)
     return found
 
 
@@ -137,21 +137,19 @@ def _joined(recordings: Sequence[Recording], slid: Sequence[Mask], masks: Sequen
     ).where(chosen)
 
 
-def _by_speed(rows: SteadySliding, slowest_m_s: float, bins: int, rows_per_point: int) -> list[SteadySliding]:
-    both_ways = [
-        _binned(rows.where(rows.velocity_m_s * way > 0.0), slowest_m_s, bins, rows_per_point) for way in (-1.0, 1.0)
-    ]
+def _by_speed(rows: SteadySliding, slowest_m_s: float, rows_per_point: int) -> list[SteadySliding]:
+    both_ways = [_binned(rows.where(rows.velocity_m_s * way > 0.0), slowest_m_s, rows_per_point) for way in (-1.0, 1.0)]
     return both_ways[0][::-1] + both_ways[1]
 
 
-def _binned(one_way: SteadySliding, slowest_m_s: float, bins: int, rows_per_point: int) -> list[SteadySliding]:
+def _binned(one_way: SteadySliding, slowest_m_s: float, rows_per_point: int) -> list[SteadySliding]:
     """Bin rows by speed, slowest first; bins with too few rows are left out."""
     speed = np.abs(one_way.velocity_m_s)
     if len(speed) < rows_per_point:
         return []
-    edges = np.geomspace(slowest_m_s, np.nextafter(float(speed.max()), np.inf), bins + 1)
-    numbers = np.clip(np.digitize(speed, edges) - 1, 0, bins - 1)
-    return [one_way.where(numbers == number) for number in range(bins) if (numbers == number).sum() >= rows_per_point]
+    edges = np.geomspace(slowest_m_s, np.nextafter(float(speed.max()), np.inf), BINS + 1)
+    numbers = np.clip(np.digitize(speed, edges) - 1, 0, BINS - 1)
+    return [one_way.where(numbers == number) for number in range(BINS) if (numbers == number).sum() >= rows_per_point]
 
 
 def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:
