@@ -51,6 +51,19 @@ def random_forest(trees: int, depth: int, inputs: int, seed: int) -> Forest:
     return Forest(features, thresholds, lefts, rights, values, starts, depth, inputs)
 
 
+def predicted(forest: Forest, rows: np.ndarray) -> np.ndarray:
+    """The forest's output for each row of features, node by node."""
+    total = np.zeros(len(rows))
+    for root in forest.roots:
+        node = np.full(len(rows), root)
+        for _ in range(forest.depth):
+            goes_left = rows[np.arange(len(rows)), forest.feature[node]] <= forest.threshold[node]
+            below = np.where(goes_left, forest.left[node], forest.right[node])
+            node = np.where(forest.feature[node] < 0, node, below)
+        total += forest.value[node]
+    return total
+
+
 def _shapes() -> dict[str, Callable[[StepModel], StepModel]]:
     def hidden_only(model: StepModel) -> StepModel:
         return replace(

@@ -11,7 +11,7 @@ from cylinder_friction.estimators.forest import ForestPlan, fit_forest, rounded_
 from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
 from cylinder_friction.estimators.training import FrictionNetwork, weights_of
 from cylinder_friction.estimators.training_plan import Architecture
-from cylinder_friction.realtime.lstm import Lstm
+from model_shapes import predicted
 
 
 @pytest.mark.parametrize(("layers", "nodes", "inputs"), [(1, 8, 3), (2, 16, 9), (4, 8, 20)])
@@ -23,8 +23,7 @@ def test_the_lstm_equals_pytorch(layers: int, nodes: int, inputs: int) -> None:
     with torch.no_grad():
         expected, _ = network(torch.from_numpy(features)[:, None])
     weights = network_from_onnx(network_to_onnx(weights_of(network)))
-    run = Lstm(weights)
-    _, head = run.advance(run.new_state(), features)
+    _, head = weights.run(features)
     np.testing.assert_allclose(head, expected[:, 0].numpy(), atol=2e-6 * nodes)
 
 
@@ -36,7 +35,7 @@ def test_the_forest_equals_scikit_learn() -> None:
     peer = RandomForestRegressor(12, max_depth=7, min_samples_leaf=3, max_features=1 / 3, random_state=5)
     peer.fit(features, target)
     fresh = generator.normal(size=(2000, 6)).astype(np.float32)
-    np.testing.assert_allclose(forest.predict(fresh), peer.predict(fresh), atol=1e-5)
+    np.testing.assert_allclose(predicted(forest, fresh), peer.predict(fresh), atol=1e-5)
     assert forest.depth <= 7
     assert len(forest.roots) == 12
 
@@ -46,7 +45,7 @@ def test_rows_are_drawn_at_random() -> None:
     features = np.random.default_rng(4).normal(size=(2000, 2)).astype(np.float32)
     target = np.where(np.arange(2000) < 1000, -1.0, 1.0)
     forest = fit_forest(features, target, ForestPlan(10, 3, 400, 20), 0)
-    assert abs(forest.predict(features).mean()) < 0.2
+    assert abs(predicted(forest, features).mean()) < 0.2
     other = fit_forest(features, target, ForestPlan(10, 3, 400, 20), 1)
     assert not np.array_equal(forest.value, other.value)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.front_end import Design, FeatureMaker, FrontEndBlock, feature_count, fit_front_end
+from cylinder_friction.estimators.front_end import Design, FrontEnd, feature_count, fit_front_end
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 
@@ -24,10 +24,8 @@ def recordings(labelled_recordings: list[Recording]) -> list[Recording]:
     return made
 
 
-def seen(block: FeatureMaker, inputs: Sequence[str], recordings: Sequence[Recording]) -> np.ndarray:
-    rows = [
-        block.advance(block.new_state(), recording.samples(inputs))[0][recording.usable()] for recording in recordings
-    ]
+def seen(features: FrontEnd, inputs: Sequence[str], recordings: Sequence[Recording]) -> np.ndarray:
+    rows = [features.run(recording.samples(inputs))[0][recording.usable()] for recording in recordings]
     return np.concatenate(rows).astype(np.float64)
 
 
@@ -39,7 +37,7 @@ def test_usable_rows_of_training_have_mean_zero_and_deviation_one(
     design: Design, inputs: tuple[str, ...], cylinder: Cylinder, recordings: list[Recording]
 ) -> None:
     features = fit_front_end(design, cylinder, recordings, inputs)
-    rows = seen(FrontEndBlock(features), inputs, recordings)
+    rows = seen(features, inputs, recordings)
     np.testing.assert_allclose(rows.mean(axis=0), 0.0, atol=1e-3)
     moves = [name != "dwell" for name in features.names]  # nothing here rests longer than the backlash shows
     np.testing.assert_allclose(rows[:, moves].std(axis=0), 1.0, atol=1e-3)
@@ -49,7 +47,7 @@ def test_a_column_that_never_varies_is_centred_and_not_divided(cylinder: Cylinde
     features = fit_front_end("full", cylinder, recordings, WARM)
     column = features.names.index("oil_temperature_c_20")
     assert features.scale[column] == 1.0
-    assert np.abs(seen(FrontEndBlock(features), WARM, recordings)[:, column]).max() < 1e-4
+    assert np.abs(seen(features, WARM, recordings)[:, column]).max() < 1e-4
 
 
 @pytest.mark.parametrize("inputs", [SAMPLE_COLUMNS, WARM, ("position_m",), ("position_m", "pressure_2_pa")])
@@ -59,7 +57,7 @@ def test_the_number_of_features_is_known_before_they_are_fitted(
 ) -> None:
     front_end = fit_front_end(design, cylinder, recordings, inputs)
     assert len(front_end.names) == feature_count(design, inputs)
-    rows, _ = FrontEndBlock(front_end).advance(FrontEndBlock(front_end).new_state(), np.zeros((3, len(inputs))))
+    rows, _ = front_end.run(np.zeros((3, len(inputs))))
     assert rows.shape == (3, len(front_end.names))
 
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from latency import ROUNDS, WINDOW, TorchWindow, measure, table
 
-from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import forest_input
-from cylinder_friction.realtime.lstm import Lstm
+from model_shapes import predicted
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,14 +48,13 @@ def windowed(hybrid: HybridEstimator, golden_model: StepModel, samples: np.ndarr
     assert hybrid.parts is not None
     assert golden_model.network is not None
     assert golden_model.forest is not None
-    front_end = FrontEndBlock(hybrid.parts.front_end)
-    features, base_n = front_end.advance(front_end.new_state(), samples)
+    features, base_n = hybrid.parts.front_end.run(samples)
     padded = np.concatenate([np.repeat(features[:1], WINDOW - 1, axis=0), features])
-    network, result = Lstm(golden_model.network), []
+    result = []
     for row in range(len(samples)):
-        hidden, head = network.advance(network.new_state(), padded[row : row + WINDOW])
+        hidden, head = golden_model.network.run(padded[row : row + WINDOW])
         seen = forest_input(hybrid.design, hidden[-1:], head[-1:], features[row : row + 1])
-        correction = float(head[-1]) + float(golden_model.forest.predict(seen)[0])
+        correction = float(head[-1]) + float(predicted(golden_model.forest, seen)[0])
         result.append(base_n[row] + golden_model.target_mean_n + golden_model.target_scale_n * correction)
     return np.array(result)
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +11,39 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+from cylinder_friction.estimators.forest import ForestEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator, forest_input
+from cylinder_friction.estimators.linear import LinearEstimator, LowPassForceBalanceEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.realtime.bounds import UNKNOWN_N
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.causal import FirFilter
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace
 from golden_fixtures import GOLDEN
+from model_shapes import predicted
+
+
+def by_its_parts(estimator: FrictionEstimator, samples: np.ndarray) -> np.ndarray:
+    """Friction [N] from the parts that training uses: filters, network and forest, each over all rows."""
+    if isinstance(estimator, LinearEstimator):
+        return FirFilter(estimator.taps[None]).run(samples)[:, 0] + estimator._constant_n
+    if isinstance(estimator, ForestEstimator):
+        return predicted(estimator.forest, estimator.front_end.run(samples)[0])
+    assert isinstance(estimator, HybridEstimator)
+    parts = estimator.parts
+    assert parts is not None
+    features, base_n = parts.front_end.run(samples)
+    hidden, head = parts.network.run(features)
+    result = base_n + parts.target_mean_n
+    if parts.forest is None or parts.design != "paper":
+        result = result + parts.target_scale_n * head.astype(np.float64)
+    if parts.forest is None:
+        return result
+    seen = forest_input(parts.design, hidden, head, features)
+    return result + parts.target_scale_n * predicted(parts.forest, seen)
 
 
 def test_on_valid_samples_the_step_is_the_estimate_bit_for_bit(
@@ -30,6 +54,14 @@ def test_on_valid_samples_the_step_is_the_estimate_bit_for_bit(
     newtons, flags = RealTimeStream(model).run(samples)
     np.testing.assert_array_equal(newtons[:, 0], expected)
     assert set(flags) <= {0, Flag.WARMING, Flag.OFFSET_UNKNOWN, Flag.WARMING | Flag.OFFSET_UNKNOWN}
+
+
+def test_the_step_is_what_was_trained_bit_for_bit(
+    designed: FrictionEstimator, labelled_recordings: list[Recording]
+) -> None:
+    samples = labelled_recordings[0].samples(designed.inputs)[:800]
+    newtons, _ = RealTimeStream(replace(designed.step_model(), offset=None)).run(samples)
+    np.testing.assert_array_equal(newtons[:, 0], by_its_parts(designed, designed.channels_of(samples)))
 
 
 INTERPRETED = """

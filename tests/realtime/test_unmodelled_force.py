@@ -42,8 +42,7 @@ def raised(model: StepModel, samples: np.ndarray) -> np.ndarray:
 
 
 def regimes_at(model: StepModel, samples: np.ndarray) -> np.ndarray:
-    bounds, block = model.bounds, FirFilter(model.velocity_taps[None])
-    velocity_m_s = block.advance(block.new_state(), samples)[:, 0]
+    bounds, velocity_m_s = model.bounds, FirFilter(model.velocity_taps[None]).run(samples)[:, 0]
     return regimes(velocity_m_s, bounds.standstill_m_s, bounds.creep_m_s, bounds.reversal_samples)
 
 

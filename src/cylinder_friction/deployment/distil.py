@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import HybridEstimator, train_correction
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from cylinder_friction.recordings.recording import Recording
@@ -65,13 +64,13 @@ def distil(
         raise ValueError(f"nodes must be at least 1, but got {nodes!r}")
     if original.parts is None:
         raise ValueError("the hybrid to distil is not fitted yet; call fit or load first")
-    parts, block = original.parts, FrontEndBlock(original.parts.front_end)
+    parts = original.parts
     architecture = Architecture(1, nodes, 0.0, LEARNING_RATE)
 
     def imitation_data(recording: Recording) -> SequenceData:
         """Compute features, and as the target the original's correction of the base force [N]."""
         samples = original._training_recording(recording).samples(original.channels)
-        features, base_n = block.advance(block.new_state(), samples)
+        features, base_n = parts.front_end.run(samples)
         return SequenceData(features, original.advance(original.new_state(), samples) - base_n, recording.usable())
 
     sequences, stopping = ([imitation_data(recording) for recording in part] for part in (train, validation))

@@ -59,9 +59,9 @@ class FrictionEstimator(ABC):
     ``inputs``. Filtering, differentiation and scaling happen inside, with state, so that training and serving cannot
     differ. Output is friction [N], positive when it opposes positive velocity.
 
-    A subclass sets ``kind`` and gives ``fit``, ``new_state``, ``advance``, ``multiply_adds``, ``_write`` and ``_read``.
-    ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree. A subclass that gives ``step_model`` can
-    run in real time and be exported to other runtimes.
+    A subclass sets ``kind`` and gives ``fit``, ``multiply_adds``, ``_write`` and ``_read``. It also gives
+    ``step_model``, and can then run in real time and be exported to other runtimes, or ``new_state`` and ``advance``,
+    or all three. ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree.
 
     Attributes:
         kind: Name of the class in a saved model folder.
@@ -136,17 +136,18 @@ class FrictionEstimator(ABC):
         An implementation learns from what ``_begin_fit`` returns.
         """
 
-    @abstractmethod
     def new_state(self) -> Any:
         """Return the state before the first sample."""
+        return StrictStream(replace(self.step_model(), offset=None))
 
-    @abstractmethod
     def advance(self, state: Any, samples: Array) -> Array:
         """Estimate friction [N], shape ``(n,)``, for the next samples, shape ``(n, channels)``; updates ``state``.
 
         Cutting the samples into pieces must not change one bit of the output. The result still contains the sensors'
         offset; ``estimate`` and ``stream`` learn it and subtract it.
         """
+        newtons, _ = state.run(samples[:, : len(self.inputs)])
+        return np.ascontiguousarray(newtons[:, 0])
 
     @abstractmethod
     def multiply_adds(self) -> int:
@@ -254,7 +255,7 @@ class FrictionEstimator(ABC):
     def stream(self) -> EstimatorStream | StrictStream:
         """Start a stream from a fresh state; streams of one estimator are independent."""
         self._refuse_unfitted()
-        if self.offset is not None:
+        if self.offset is not None or type(self).advance is FrictionEstimator.advance:
             return StrictStream(self.step_model())
         return EstimatorStream(
             self.new_state, lambda state, samples: self.advance(state, self.channels_of(samples)), self.inputs

@@ -8,16 +8,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
+from cylinder_friction.estimators.front_end import FrontEnd, fit_front_end
 from cylinder_friction.estimators.linear import labelled_rows
 from cylinder_friction.estimators.onnx_files import read_forest, write_forest
 from cylinder_friction.extras import explained
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.stream import StrictStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 
@@ -67,40 +65,28 @@ class ForestEstimator(FrictionEstimator):
             raise ValueError("a forest needs a cylinder to be fitted; got a loaded one without")
         recordings = self._begin_fit(recordings)
         front_end = fit_front_end("paper", self.cylinder, recordings, self.channels)
-        block = FrontEndBlock(front_end)
         labels, masks = labelled_rows(recordings)
         rows = [
-            block.advance(block.new_state(), recording.samples(self.channels))[0][mask]
+            front_end.run(recording.samples(self.channels))[0][mask]
             for recording, mask in zip(recordings, masks, strict=True)
         ]
         self._set(front_end, fit_forest(np.concatenate(rows), labels, self.plan, self.seed))
         return self
 
     def _set(self, front_end: FrontEnd, forest: Forest) -> None:
-        self.front_end_block, self.forest = FrontEndBlock(front_end), forest
-
-    def new_state(self) -> FrontEndState:
-        return self.front_end_block.new_state()
-
-    def advance(self, state: FrontEndState, samples: Array) -> Array:
-        features, _ = self.front_end_block.advance(state, samples)
-        return self.forest.predict(features)
+        self.front_end, self.forest = front_end, forest
 
     def multiply_adds(self) -> int:
-        return self.front_end_block.multiply_adds() + self.forest.comparisons()
+        return self.front_end.multiply_adds() + self.forest.comparisons()
 
     def step_model(self) -> StepModel:
         """Return what one real-time step needs; see ``FrictionEstimator.step_model``."""
         self._refuse_unfitted()
-        front_end = self.front_end_block.front_end
-        return self._step_model(**front_end.step_fields(), forest=self.forest, forest_sees="features")
-
-    def stream(self) -> StrictStream:
-        return StrictStream(self.step_model())
+        return self._step_model(**self.front_end.step_fields(), forest=self.forest, forest_sees="features")
 
     def _write(self, folder: Path) -> dict[str, Any]:
         write_forest(self.forest, folder / FOREST_FILE)
-        return {"front_end": self.front_end_block.front_end.to_dict(), "forest": FOREST_FILE}
+        return {"front_end": self.front_end.to_dict(), "forest": FOREST_FILE}
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:

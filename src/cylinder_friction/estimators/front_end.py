@@ -6,7 +6,7 @@ causal, holds little state, and is stored as plain numbers.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,25 @@ class FrontEnd:
             "history": self.history,
         }
 
+    def run(self, samples: Array) -> tuple[Any, Array]:
+        """Compute standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
+        limits, history, filtered = self.limits, self.history, causal.FirFilter(self.taps).run(samples)
+        soft = np.where(limits > 0.0, filtered / (np.abs(filtered) + np.where(limits > 0.0, limits, 1.0)), filtered)
+        features = ((soft - self.mean) / self.scale).astype(np.float32)
+        if history is not None:
+            position_m = np.ascontiguousarray(filtered[:, history.position_feature])
+            moved = history_rows(position_m, new_history(), history.settings(), self.sample_time_s)
+            scaled = (moved - history.mean) / history.scale
+            features = np.concatenate([features, scaled.astype(np.float32)], axis=1)
+        if self.base_taps is None:
+            return features, np.zeros(len(samples))
+        return features, causal.FirFilter(self.base_taps).run(samples)[:, 0]
+
+    def multiply_adds(self) -> int:
+        history = 0 if self.history is None else 5 * len(HISTORY_NAMES)
+        base = 0 if self.base_taps is None else np.count_nonzero(self.base_taps)
+        return int(np.count_nonzero(self.taps) + base) + history
+
     def to_dict(self) -> dict[str, Any]:
         return {
             "inputs": list(self.inputs),
@@ -86,56 +105,6 @@ class FrontEnd:
         )
 
 
-@dataclass
-class FrontEndState:
-    """State of the feature filters, of the force that is corrected, and of the history of motion."""
-
-    features: causal.FirState
-    base: causal.FirState
-    motion: Array
-
-
-class FrontEndBlock:
-    """Causal block from samples, shape ``(n, inputs)``, to standardised features and the force that they correct."""
-
-    def __init__(self, front_end: FrontEnd) -> None:
-        self.front_end = front_end
-        self._features = causal.FirFilter(front_end.taps)
-        none = np.zeros((1, front_end.taps.shape[1], 1))
-        self._base = causal.FirFilter(none if front_end.base_taps is None else front_end.base_taps)
-
-    def new_state(self) -> FrontEndState:
-        return FrontEndState(self._features.new_state(), self._base.new_state(), new_history())
-
-    def advance(self, state: FrontEndState, samples: Array) -> tuple[Any, Array]:
-        """Compute standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
-        plan, history = self.front_end, self.front_end.history
-        limits = plan.limits
-        filtered = self._features.advance(state.features, samples)
-        soft = np.where(limits > 0.0, filtered / (np.abs(filtered) + np.where(limits > 0.0, limits, 1.0)), filtered)
-        features = ((soft - plan.mean) / plan.scale).astype(np.float32)
-        if history is not None:
-            position_m = np.ascontiguousarray(filtered[:, history.position_feature])
-            moved = history_rows(position_m, state.motion, history.settings(), plan.sample_time_s)
-            scaled = (moved - history.mean) / history.scale
-            features = np.concatenate([features, scaled.astype(np.float32)], axis=1)
-        return features, self._base.advance(state.base, samples)[:, 0]
-
-    def multiply_adds(self) -> int:
-        history = 0 if self.front_end.history is None else 5 * len(HISTORY_NAMES)
-        return int(np.count_nonzero(self._features.taps) + np.count_nonzero(self._base.taps)) + history
-
-
-class FeatureMaker(Protocol):
-    """A block that turns samples into features: a ``FrontEndBlock``, or a block that adds features to one."""
-
-    def new_state(self) -> Any:
-        """Return the state before the first sample."""
-
-    def advance(self, state: Any, samples: Array) -> tuple[Any, Array]:
-        """Compute features, shape ``(n, k)``, and the force to correct [N], shape ``(n,)``; updates ``state``."""
-
-
 def fit_front_end(
     design: Design, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS
 ) -> FrontEnd:
@@ -159,8 +128,7 @@ def fit_front_end(
     base = None
     if design != "paper" and _has_pressures(inputs):
         base = smoothed_force_balance_taps(cylinder, recordings, inputs)
-    front_end = with_history(unscaled_front_end(inputs, rows, base, sample_time_s))
-    return standardised(front_end, FrontEndBlock(front_end), recordings)
+    return standardised(with_history(unscaled_front_end(inputs, rows, base, sample_time_s)), recordings)
 
 
 def feature_count(design: Design, inputs: Sequence[str] = SAMPLE_COLUMNS) -> int:
@@ -198,15 +166,12 @@ def with_history(front_end: FrontEnd) -> FrontEnd:
     return replace(front_end, names=front_end.names + HISTORY_NAMES, history=history)
 
 
-def standardised(front_end: FrontEnd, block: FeatureMaker, recordings: Sequence[Recording]) -> FrontEnd:
-    """Set mean and scale of an unscaled front end from the features that ``block`` makes of usable rows.
+def standardised(front_end: FrontEnd, recordings: Sequence[Recording]) -> FrontEnd:
+    """Set mean and scale of an unscaled front end from its features in usable rows.
 
     A feature that never varies gets the scale 1.
     """
-    values = [
-        block.advance(block.new_state(), recording.samples(front_end.inputs))[0][recording.usable()]
-        for recording in recordings
-    ]
+    values = [front_end.run(each.samples(front_end.inputs))[0][each.usable()] for each in recordings]
     rows = np.concatenate([each.astype(np.float64) for each in values])
     mean, scale = rows.mean(axis=0), rows.std(axis=0)
     scale[scale == 0.0] = 1.0
@@ -227,12 +192,10 @@ def smoothed_force_balance_taps(
     """
     labels, masks = labelled_rows(recordings)
     taps = force_balance_taps(cylinder, inputs)
-    balance = causal.FirFilter(taps)
-    lags = causal.FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
+    balance, lags = causal.FirFilter(taps), causal.FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
     rows = []
     for recording, mask in zip(recordings, masks, strict=True):
-        force = balance.advance(balance.new_state(), recording.samples(inputs))
-        rows.append(lags.advance(lags.new_state(), force)[mask])
+        rows.append(lags.run(balance.run(recording.samples(inputs)))[mask])
     lagged = np.concatenate(rows)
     return taps * least_squares(lagged, labels)
 

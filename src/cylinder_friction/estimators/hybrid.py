@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -28,7 +29,7 @@ from cylinder_friction.estimators.adaptation import (
 )
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import FOREST_FILE, ForestPlan, fit_forest
-from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
+from cylinder_friction.estimators.front_end import Design, FrontEnd, fit_front_end
 from cylinder_friction.estimators.held_out import folds, held_out_for_stopping
 from cylinder_friction.estimators.onnx_files import read_forest, read_network, write_forest, write_network
 from cylinder_friction.estimators.training_plan import (
@@ -42,11 +43,10 @@ from cylinder_friction.estimators.training_plan import (
 from cylinder_friction.extras import explained
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.realtime.forest import Forest
-from cylinder_friction.realtime.lstm import Lstm, LstmState, LstmWeights
+from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-from cylinder_friction.realtime.stream import StrictStream
 from cylinder_friction.realtime.trained_for import TrainedFor
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
@@ -68,18 +68,6 @@ class HybridParts:
     forest: Forest | None  # The forest; None for the LSTM alone
     target_mean_n: float  # Force that the network's output 0 stands for [N]
     target_scale_n: float  # Force that its output 1 adds to that [N]
-
-
-@dataclass
-class HybridState:
-    """State of a hybrid between two samples: filters, LSTM and history. The forest has no state.
-
-    ``new_state`` makes it, and ``advance`` updates it in place; use ``stream`` unless you write a runtime of your own.
-    Recordings and streams each need one of their own.
-    """
-
-    front_end: FrontEndState
-    network: LstmState
 
 
 class HybridEstimator(FrictionEstimator):
@@ -252,26 +240,10 @@ class HybridEstimator(FrictionEstimator):
         alone._set(parts)
         return alone
 
-    def new_state(self) -> HybridState:
-        self._fitted()
-        return HybridState(self._front_end.new_state(), self._network.new_state())
-
-    def advance(self, state: HybridState, samples: Array) -> Array:
-        parts = self._fitted()
-        features, base_n = self._front_end.advance(state.front_end, samples)
-        hidden, head = self._network.advance(state.network, features)
-        corrected_n = base_n + parts.target_mean_n + parts.target_scale_n * head.astype(np.float64)
-        if parts.forest is None:
-            return corrected_n
-        forest_n = parts.target_scale_n * self._forest.predict(forest_input(parts.design, hidden, head, features))
-        if parts.design == "paper":
-            return base_n + parts.target_mean_n + forest_n
-        return corrected_n + forest_n
-
     def multiply_adds(self) -> int:
         parts = self._fitted()
         trees = 0 if parts.forest is None else parts.forest.comparisons()
-        return self._front_end.multiply_adds() + parts.network.multiply_adds() + trees
+        return parts.front_end.multiply_adds() + parts.network.multiply_adds() + trees
 
     def step_model(self) -> StepModel:
         """Return what one real-time step needs; see ``FrictionEstimator.step_model``."""
@@ -287,17 +259,10 @@ class HybridEstimator(FrictionEstimator):
             target_scale_n=parts.target_scale_n,
         )
 
-    def stream(self) -> StrictStream:
-        """Start a stream on the compiled step; it equals ``estimate`` bit for bit."""
-        return StrictStream(self.step_model())
-
     def _set(self, parts: HybridParts) -> None:
         self.parts = parts
         self.files = (NETWORK_FILE,) if parts.forest is None else (NETWORK_FILE, FOREST_FILE)
         self.design = parts.design
-        self._front_end = FrontEndBlock(parts.front_end)
-        self._network = Lstm(parts.network)
-        self._forest: Any = parts.forest
 
     def _fitted(self) -> HybridParts:
         self._refuse_unfitted()
@@ -322,9 +287,9 @@ class HybridEstimator(FrictionEstimator):
     def _fit_forest(self, train: Sequence[SequenceData], plan: ForestPlan) -> Forest:
         """Fit the forest on the label (paper) or on the residual of the LSTM."""
         parts = self._fitted()
-        inputs, targets = [], []
+        inputs, targets = list[NDArray[Any]](), list[NDArray[Any]]()
         for each in train:
-            hidden, head = self._network.advance(self._network.new_state(), each.features)
+            hidden, head = parts.network.run(each.features)
             target = (each.target - parts.target_mean_n) / parts.target_scale_n
             inputs.append(forest_input(parts.design, hidden, head, each.features)[each.usable])
             targets.append((target if parts.design == "paper" else target - head)[each.usable])
@@ -426,6 +391,5 @@ def _tracker_of(recordings: Sequence[Recording], cylinder: Cylinder, inputs: tup
 
 def _correction(front_end: FrontEnd, recording: Recording) -> SequenceData:
     """Compute a recording's features and its target: the label less the force that is corrected [N]."""
-    block = FrontEndBlock(front_end)
-    features, base_n = block.advance(block.new_state(), recording.samples(front_end.inputs))
+    features, base_n = front_end.run(recording.samples(front_end.inputs))
     return SequenceData(features, recording.column("friction_n") - base_n, recording.usable())

@@ -4,7 +4,6 @@ Every learned estimator is compared with them: pressures times areas already are
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
@@ -102,25 +101,19 @@ def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
 class LinearEstimator(FrictionEstimator):
     """Base of estimators that are one FIR filter on raw samples plus a constant [N].
 
-    A subclass sets ``_filter`` and ``_constant_n`` in ``fit``. Estimate, stream, real-time step and exports to C and
+    A subclass sets ``_taps`` and ``_constant_n`` in ``fit``. Estimate, stream, real-time step and exports to C and
     FMU follow from these two. A step costs one multiplication per input and lag, and is exact in every runtime.
     """
 
     def __init__(self, inputs: Sequence[str]) -> None:
         super().__init__(inputs)
-        self._filter: causal.FirFilter | None = None
-        self._constant_n = 0.0
+        self._taps, self._constant_n = np.zeros((len(self.inputs), 1)), 0.0
 
     @property
     def taps(self) -> Array:
         """Taps on raw samples, shape ``(channels, lags)``."""
-        return self._fir().taps[0]
-
-    def new_state(self) -> causal.FirState:
-        return self._fir().new_state()
-
-    def advance(self, state: causal.FirState, samples: Array) -> Array:
-        return self._fir().advance(state, samples)[:, 0] + self._constant_n
+        self._refuse_unfitted()
+        return self._taps
 
     def multiply_adds(self) -> int:
         return int(np.count_nonzero(self.taps))
@@ -129,11 +122,6 @@ class LinearEstimator(FrictionEstimator):
         """Return what one real-time step needs; see ``FrictionEstimator.step_model``."""
         self._refuse_unfitted()
         return self._step_model(base_taps=self.taps, target_mean_n=self._constant_n)
-
-    def _fir(self) -> causal.FirFilter:
-        self._refuse_unfitted()
-        assert self._filter is not None
-        return self._filter
 
 
 class ForceBalanceEstimator(LinearEstimator):
@@ -175,16 +163,13 @@ class ForceBalanceEstimator(LinearEstimator):
         self._begin_fit(recordings)
         return self
 
-    def _fir(self) -> causal.FirFilter:
-        if self._filter is None:
-            self._refuse_unfitted()
-            assert self.sample_time_s is not None
-            self._filter = causal.FirFilter(
-                force_balance_taps(self.cylinder, self.channels)
-                if self.filtering == "none"
-                else paper_force_balance_taps(self.cylinder, self.sample_time_s, self.channels)
-            )
-        return self._filter
+    @property
+    def taps(self) -> Array:
+        self._refuse_unfitted()
+        assert self.sample_time_s is not None
+        if self.filtering == "none":
+            return force_balance_taps(self.cylinder, self.channels)[0]
+        return paper_force_balance_taps(self.cylinder, self.sample_time_s, self.channels)[0]
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
         return {"cylinder": self.cylinder.to_dict(), "filtering": self.filtering}
@@ -192,14 +177,6 @@ class ForceBalanceEstimator(LinearEstimator):
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
         return cls(Cylinder(**parameters["cylinder"]), parameters["filtering"])
-
-
-@dataclass
-class LowPassForceState:
-    """State of ``LowPassForceBalanceEstimator`` between two samples: the output of its low-pass."""
-
-    balance: causal.FirState
-    low_pass: causal.LowPassState
 
 
 class LowPassForceBalanceEstimator(FrictionEstimator):
@@ -237,10 +214,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         """Choose the weight with the smallest mean absolute error on the usable rows."""
         recordings = self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
-        forces = [
-            self._balance.advance(self._balance.new_state(), recording.samples(self.channels))
-            for recording in recordings
-        ]
+        forces = [self._balance.run(recording.samples(self.channels)) for recording in recordings]
 
         def error(weight: float) -> float:
             low_pass = causal.ExponentialLowPass(weight)
@@ -252,13 +226,12 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         self.weight = float(found.x)
         return self
 
-    def new_state(self) -> LowPassForceState:
-        return LowPassForceState(self._balance.new_state(), causal.LowPassState())
+    def new_state(self) -> causal.LowPassState:
+        return causal.LowPassState()
 
-    def advance(self, state: LowPassForceState, samples: Array) -> Array:
+    def advance(self, state: causal.LowPassState, samples: Array) -> Array:
         assert self.weight is not None
-        force = self._balance.advance(state.balance, samples)
-        return causal.ExponentialLowPass(self.weight).advance(state.low_pass, force)[:, 0]
+        return causal.ExponentialLowPass(self.weight).advance(state, self._balance.run(samples))[:, 0]
 
     def multiply_adds(self) -> int:
         return 3
@@ -320,7 +293,7 @@ class RidgeEstimator(LinearEstimator):
         scale[scale == 0.0] = 1.0
         mean_n = float(labels.mean())
         coefficients = least_squares((rows - mean) / scale, labels - mean_n, self.penalty) / scale
-        self._filter = causal.FirFilter(coefficients.reshape(1, len(self.channels), self.lags))
+        self._taps = coefficients.reshape(len(self.channels), self.lags)
         self._constant_n = mean_n - float((coefficients * mean).sum())
         return self
 
@@ -341,6 +314,6 @@ class RidgeEstimator(LinearEstimator):
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
         estimator = cls(parameters["lags"], parameters["penalty"])
-        estimator._filter = causal.FirFilter(np.array([parameters["taps"]]))
+        estimator._taps = np.array(parameters["taps"])
         estimator._constant_n = parameters["intercept_n"]
         return estimator

@@ -63,8 +63,8 @@ def velocity_taps(sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) 
 
 def causal_velocity(recording: Recording) -> Array:
     """Compute the causal velocity that decides the regime [m/s], shape ``(n,)``."""
-    block = FirFilter(velocity_taps(recording.sample_time_s, ("position_m",))[None])
-    return block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
+    taps = velocity_taps(recording.sample_time_s, ("position_m",))
+    return FirFilter(taps[None]).run(recording.samples(("position_m",)))[:, 0]
 
 
 def regimes_of(recording: Recording, standstill_m_s: float, creep_m_s: float) -> Whole:

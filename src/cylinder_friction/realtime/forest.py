@@ -1,9 +1,8 @@
-"""A forest of regression trees as plain arrays, evaluated one row after the other."""
+"""A forest of regression trees as plain arrays."""
 
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,38 +38,6 @@ class Forest:
         nodes, lower, upper, first = (array.astype(np.int64) for array in (feature, left, right, roots))
         return cls(nodes, threshold.astype(np.float32), lower, upper, value.astype(np.float32), first, depth, inputs)
 
-    def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Evaluate the forest, shape ``(n,)``, on features of shape ``(n, inputs)``, float32."""
-        return _predict(
-            self.feature,
-            self.threshold,
-            self.left,
-            self.right,
-            self.value,
-            self.roots,
-            np.ascontiguousarray(features, dtype=np.float32),
-        )
-
     def comparisons(self) -> int:
         """Count the comparisons of one row at worst."""
         return len(self.roots) * self.depth
-
-
-@numba.njit(cache=True)
-def _predict(
-    feature: NDArray[np.int64],
-    threshold: NDArray[np.float32],
-    left: NDArray[np.int64],
-    right: NDArray[np.int64],
-    value: NDArray[np.float32],
-    roots: NDArray[np.int64],
-    rows: NDArray[np.float32],
-) -> NDArray[np.float64]:
-    result = np.zeros(rows.shape[0])
-    for root in roots:  # tree by tree: one tree fits the processor's first cache, all trees do not
-        for row in range(rows.shape[0]):
-            node = root
-            while feature[node] >= 0:
-                node = left[node] if rows[row, feature[node]] <= threshold[node] else right[node]
-            result[row] += value[node]
-    return result

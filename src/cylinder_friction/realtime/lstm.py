@@ -102,6 +102,10 @@ class LstmWeights:
         """Count the multiply-adds of one step, the head included."""
         return lstm_multiply_adds(self.layers, self.nodes, self.inputs)
 
+    def run(self, features: Single) -> tuple[Single, Single]:
+        """Compute the last layer's hidden states, shape ``(n, nodes)``, and the head's outputs, from a fresh state."""
+        return _run(self.input, self.recurrent, self.bias, self.inputs, self.head, self.head_bias, features)
+
 
 def lstm_multiply_adds(layers: int, nodes: int, inputs: int) -> int:
     """Count the multiply-adds of one step of an LSTM stack with a linear head."""
@@ -114,42 +118,25 @@ _NOTHING = np.zeros((0, 0, 0), dtype=np.float32)
 NO_NETWORK = LstmWeights(_NOTHING, _NOTHING, _NOTHING.reshape(0, 0), _NOTHING.ravel(), 0.0, 0)
 
 
-@dataclass
-class LstmState:
-    """Hidden and cell state, each shape ``(layers, nodes)``; zero before the first sample."""
-
-    hidden: Single
-    cell: Single
-
-
-class Lstm:
-    """Runs ``LstmWeights`` over features, with state."""
-
-    def __init__(self, weights: LstmWeights) -> None:
-        self.weights = weights
-
-    def new_state(self) -> LstmState:
-        shape = (self.weights.layers, self.weights.nodes)
-        return LstmState(np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32))
-
-    def advance(self, state: LstmState, features: Single) -> tuple[Single, Single]:
-        """Compute the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
-        w = self.weights
-        hidden = _run(w.input, w.recurrent, w.bias, w.inputs, features, state.hidden, state.cell)
-        return hidden, _head(hidden, w.head, w.head_bias)
-
-
 @compiled
 def _run(
-    input_weights: Single, recurrent: Single, bias: Single, inputs: int, features: Single, hidden: Single, cell: Single
-) -> Single:
-    nodes = hidden.shape[1]
-    result = np.empty((features.shape[0], nodes), dtype=np.float32)
+    input_weights: Single,
+    recurrent: Single,
+    bias: Single,
+    inputs: int,
+    head: Single,
+    head_bias: float,
+    features: Single,
+) -> tuple[Single, Single]:
+    rows, layers, nodes = features.shape[0], recurrent.shape[0], recurrent.shape[1]
+    hidden, cell = np.zeros((layers, nodes), dtype=np.float32), np.zeros((layers, nodes), dtype=np.float32)
     gates = np.empty(4 * nodes, dtype=np.float32)
-    for row in range(features.shape[0]):
+    last, output = np.empty((rows, nodes), dtype=np.float32), np.empty(rows, dtype=np.float32)
+    for row in range(rows):
         lstm_step(input_weights, recurrent, bias, inputs, features[row], hidden, cell, gates)
-        result[row] = hidden[-1]
-    return result
+        last[row] = hidden[-1]
+        output[row] = head_of(hidden[-1], head, head_bias)
+    return last, output
 
 
 @compiled_part
@@ -211,14 +198,6 @@ def _cell_step(gates: Single, hidden: Single, cell: Single) -> None:
     for node in range(nodes):
         out = outputs[node] * tanh(cell[node])
         hidden[node] = out if abs(out) >= TINY else ZERO
-
-
-@compiled
-def _head(hidden: Single, head: Single, bias: float) -> Single:
-    result = np.empty(hidden.shape[0], dtype=np.float32)
-    for row in range(hidden.shape[0]):
-        result[row] = head_of(hidden[row], head, bias)
-    return result
 
 
 @compiled_part

@@ -50,8 +50,7 @@ class FirFilter:
         >>> import numpy as np
         >>> from cylinder_friction.signals.causal import FirFilter, moving_average_taps
         >>> average = FirFilter(moving_average_taps(4)[None, None, :])
-        >>> state = average.new_state()
-        >>> average.advance(state, np.array([[0.0], [4.0], [8.0]]))[:, 0].tolist()
+        >>> average.run(np.array([[0.0], [4.0], [8.0]]))[:, 0].tolist()
         [0.0, 1.0, 3.0]
     """
 
@@ -80,6 +79,10 @@ class FirFilter:
         padded = np.concatenate([state.history, inputs])
         state.history = padded[len(padded) - (self.length - 1) :].copy()
         return _loops().fir(self.taps, padded)
+
+    def run(self, inputs: Array) -> Array:
+        """Filter a whole recording, from a fresh state."""
+        return self.advance(self.new_state(), inputs)
 
 
 @dataclass

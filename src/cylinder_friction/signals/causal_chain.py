@@ -39,5 +39,4 @@ class MovingAverage(SignalFilter):
 
 
 def _filtered(taps: Array, values: Array) -> Array:
-    block = FirFilter(taps[None, None])
-    return np.ascontiguousarray(block.advance(block.new_state(), values[:, None])[:, 0])
+    return np.ascontiguousarray(FirFilter(taps[None, None]).run(values[:, None])[:, 0])

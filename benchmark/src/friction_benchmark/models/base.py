@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, fit_front_end
+from cylinder_friction.estimators.front_end import FrontEnd, fit_front_end
 from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
@@ -58,8 +58,7 @@ class FeatureModel(Model):
 
     def features_of(self, recording: Recording) -> tuple[Single, Array]:
         """Return features, shape ``(n, k)``, and the force balance that is corrected [N], zero if there is none."""
-        block = FrontEndBlock(self.features)
-        return block.advance(block.new_state(), recording.samples(self.features.inputs))
+        return self.features.run(recording.samples(self.features.inputs))
 
     def column(self, features: Single, name: str) -> Array:
         """Return one feature in its own unit, shape ``(n,)``."""
@@ -91,4 +90,4 @@ class FeatureModel(Model):
         return np.asarray(base_n + self.target_mean_n + self.target_scale_n * predicted)
 
     def multiply_adds(self) -> int:
-        return FrontEndBlock(self.features).multiply_adds() + self.model_multiply_adds()
+        return self.features.multiply_adds() + self.model_multiply_adds()

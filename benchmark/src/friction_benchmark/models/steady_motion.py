@@ -58,8 +58,7 @@ def causal_motion(position_m: Array, sample_time_s: float) -> Array:
 
 
 def _filtered(taps: Array, values: Array) -> Array:
-    causal = FirFilter(taps[None, None, :])
-    return np.asarray(causal.advance(causal.new_state(), values[:, None])[:, 0])
+    return np.asarray(FirFilter(taps[None, None, :]).run(values[:, None])[:, 0])
 
 
 def _through_backlash(velocity_m_s: Array, position_m: Array, step: float) -> Array:

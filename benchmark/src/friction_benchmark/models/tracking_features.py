@@ -13,7 +13,6 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.front_end import (
     CREEP_VELOCITY_M_S,
     FeatureRow,
-    FrontEndBlock,
     standardised,
     unscaled_front_end,
     with_history,
@@ -48,13 +47,13 @@ class TrackingFeatures:
         rows = tracking_rows(cylinder, sample_time_s, inputs)
         base = force_balance_taps(cylinder, inputs)
         front_end = with_history(unscaled_front_end(tuple(inputs), rows, base, sample_time_s))
-        self.plan = standardised(front_end, FrontEndBlock(front_end), evenly(recordings, SCALED_ON))
+        self.plan = standardised(front_end, evenly(recordings, SCALED_ON))
         self.strokes = strokes
 
     def of(self, recording: Recording) -> tuple[Single, Array]:
         """Return features, shape ``(n, k)``, and P1·A1 - P2·A2 [N], shape ``(n,)``."""
-        block, samples = FrontEndBlock(self.plan), recording.samples(self.plan.inputs)
-        features, balance_n = block.advance(block.new_state(), samples)
+        samples = recording.samples(self.plan.inputs)
+        features, balance_n = self.plan.run(samples)
         if not self.strokes:
             return features, balance_n
         place = self.plan.names.index("velocity_m_s")
@@ -63,7 +62,7 @@ class TrackingFeatures:
         return np.concatenate([features, strokes.astype(np.float32)], axis=1), balance_n
 
     def multiply_adds(self) -> int:
-        return FrontEndBlock(self.plan).multiply_adds() + (3 * len(MEMORY_NAMES) if self.strokes else 0)
+        return self.plan.multiply_adds() + (3 * len(MEMORY_NAMES) if self.strokes else 0)
 
 
 def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str]) -> list[FeatureRow]:
