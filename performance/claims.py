@@ -26,7 +26,8 @@ from zero_sweep import RIG, Kind, evidence_of, raw_recordings
 from cylinder_friction.arrays import Array
 from cylinder_friction.commands.log_options import load_of
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
-from cylinder_friction.estimation.identification import MOST_ROWS, ModelSearch, _loaded
+from cylinder_friction.estimation.identification import MOST_ROWS, ModelSearch
+from cylinder_friction.estimation.results import load_left
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.labelling.apparent_loss import apparent_loss
@@ -181,7 +182,7 @@ def intervals(seed: int, quick: bool) -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as scratch:
             mapping, load = write_logs(made, Path(scratch)), load_of(world.load)
             logs = find_logs(f"{scratch}/logs/*.csv", mapping, made.cylinder, names=NAMES, load=load)
-            run = LabelledLogs(logs, logged_files(logs), made.cylinder, Path(scratch) / "kept", None)
+            run = LabelledLogs(logs, logged_files(logs), Path(scratch) / "kept", None)
             labelled = list(run.recordings(MOST_ROWS))
         for quantity, held_ in intervals_of(made, run, labelled):
             yield f"95 % interval of {quantity}", name, held_
@@ -200,7 +201,8 @@ def intervals_of(
         if math.isfinite(offset.uncertainty_n):
             off_n = made.zero_n(session) - (offset.offset_n if offset.source == STROKES else 0.0)
             yield f"offset, {offset.source}", abs(off_n) <= offset.uncertainty_n
-    refused, used, true = _loaded(run, labelled), list[Recording](), list[Recording]()
+    refused = {each.name for each, load in labelled if load_left(run.friction.entry(each, load))}
+    used, true = list[Recording](), list[Recording]()
     for each in (each for each, _ in labelled if each.name not in refused):
         truth_n = made.own(each.name)[0].truth["friction_n"].to_numpy()[: len(each)]
         within = (each.column("lower_n") <= truth_n) & (truth_n <= each.column("upper_n"))

@@ -12,7 +12,7 @@ from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.logs import NameRules, Recipe
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.reading_logs import Source, ingest_folder
+from cylinder_friction.recordings.reading_logs import ingest_folder
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
@@ -81,13 +81,10 @@ LOADS: dict[str, LoadMode] = {"emps": "none", "crane": "position", "pneumatic-se
 
 def recipe_of(rig: str) -> Recipe:
     """Return how a rig's files become recordings: its mapping, and otherwise what is usual."""
-    cylinder = CYLINDERS[rig]
-    areas = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
     return Recipe(
         names=NameRules(r"(?P<session>(?P<condition>[^_/]+)_[^./]+)\."),
         channels={column: ChannelMapping.from_dict(entry) for column, entry in MAPPINGS[rig].items()},
-        cylinder=cylinder.name,
-        limits=CheckLimits(cylinder.stroke_m, areas, LOADS[rig]),
+        limits=CheckLimits(CYLINDERS[rig], LOADS[rig]),
         time=TimeRules(),
     )
 
@@ -100,7 +97,7 @@ def recordings_of(path: Path, rig: str) -> list[Recording]:
     """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "recordings"
-        ingested = ingest_folder(Source(path.parent, path.name, recipe_of(rig)), folder, Path(place) / "out.json")
+        ingested = ingest_folder(path.parent, path.name, recipe_of(rig), folder, Path(place) / "out.json")
         if not ingested.recordings:
             raise RecordingError(f"{path.name}: {ingested.quarantined}")
         return read_stored(folder)

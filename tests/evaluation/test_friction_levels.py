@@ -57,11 +57,16 @@ def test_what_neither_pressure_nor_speed_explains_is_left() -> None:
     assert found["ccc"].equal.newtons == pytest.approx(90.0, abs=10.0)
     assert found["ccc"].is_unexplained
     words = in_words(list(found.values()))
-    assert "at equal pressures, speed and direction these differ from the others: ccc +" in words
+    assert "at equal pressures, speed and direction it differs from the others' for ccc +" in words
     assert words.endswith("such as position, the oil's temperature, the load or a sensor's zero")
     tables = level_tables(list(found.values()), {each.name: friction_levels([each]) for each in recordings})
     assert [title for title, _, _ in tables] == ["What differs between recordings", "Friction by pressure"]
     assert tables[1][2].rows[2][1].words.startswith("5")
+
+
+def test_the_difference_of_two_recordings_is_stated_once() -> None:
+    words = in_words(list(compared(strokes("aaa", 40.0), strokes("bbb", 40.0, 90.0)).values()))
+    assert sum(f"{name} {sign}" in words for name, sign in (("aaa", "-"), ("bbb", "+"))) == 1
 
 
 def test_equal_recordings_agree_and_strangers_are_not_compared() -> None:

@@ -163,3 +163,9 @@ def test_a_file_name_counts_if_the_log_states_no_start(tmp_path: Path, cylinder:
     assert isinstance(recording, Recording), recording
     assert recording.metadata.start == "2026-03-27T09:15:00.000Z"
     assert recording.metadata.start_source == "file name, Europe/Oslo"
+    assert recording.metadata.repairs == ()
+    (tmp_path / "press_270326_1015.csv").rename(tmp_path / "press.csv")
+    (recording,) = recordings_of(find_logs(tmp_path, {"channels": CHANNELS, "start": rules}, cylinder))
+    assert isinstance(recording, Recording), recording
+    note = f"start.pattern {PATTERN!r} finds no date in 'press.csv'; its start is not known"
+    assert (recording.metadata.start, recording.metadata.repairs) == ("", (note,))

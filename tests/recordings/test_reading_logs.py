@@ -1,4 +1,5 @@
 import shutil
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.rig.campaign import campaign
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 
 CHANNELS = {
     "time_s": {"channel": "t [s]", "unit": "s"},
@@ -22,20 +25,27 @@ NAMES = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_"
 
 
 @pytest.fixture(scope="module")
+def rig_tables(cylinder: Cylinder) -> dict[str, pd.DataFrame]:
+    """Return three recordings of the simulated rig as the logger saw them."""
+    plan = CampaignPlan(seed=11, sessions_per_condition=1, recordings_per_session=2, duration_s=40.0)
+    names = {"Time [s]": "t [s]", "P1 [bar]": "p_A [bar]", "P2 [bar]": "p_B [bar]", "Position [mm]": "x [mm]"}
+    first = islice(campaign(cylinder, plan), 3)
+    return {each.metadata.name: each.logger[list(names)].rename(columns=names) for each in first}
+
+
+@pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory, rig_tables: dict[str, pd.DataFrame]) -> Path:
     folder = tmp_path_factory.mktemp("logs")
-    for name, table in list(rig_tables.items())[:3]:
-        scale = {"time_s": 1.0, "pressure_1_pa": 1e-5, "pressure_2_pa": 1e-5, "position_m": 1e3}
-        logged = {CHANNELS[column]["channel"]: table[column] * factor for column, factor in scale.items()}
-        pd.DataFrame(logged).to_csv(folder / f"{name}.csv", index=False)
+    for name, table in rig_tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
     return folder
 
 
 def test_files_become_recordings_by_path(logs: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame]) -> None:
     recordings = read_recordings(str(logs / "*.csv"), CHANNELS, cylinder)
-    assert [recording.name for recording in recordings] == sorted(list(rig_tables)[:3])
+    assert [recording.name for recording in recordings] == sorted(rig_tables)
     first = recordings[0]
-    np.testing.assert_allclose(first.samples(), rig_tables[first.name][list(CHANNELS)[1:]], rtol=1e-12)
+    np.testing.assert_allclose(first.samples() / [1e5, 1e5, 1e-3], rig_tables[first.name].iloc[:, 1:], rtol=1e-12)
     assert (first.metadata.condition, first.metadata.session) == ("1", first.name)
     mapping = {column: ChannelMapping.from_dict(entry) for column, entry in CHANNELS.items()}
     for given, count in ((logs, 3), (sorted(logs.glob("*.csv")), 3), (min(logs.glob("*.csv")), 1)):

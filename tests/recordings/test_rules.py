@@ -3,10 +3,12 @@
 import math
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, StatedLoad
 from cylinder_friction.recordings.formats.format import CsvOptions
 from cylinder_friction.recordings.line_loss import LineLoss
@@ -14,9 +16,8 @@ from cylinder_friction.recordings.logs import NameRules, StartRules
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-
-def limits(**values: Any) -> CheckLimits:
-    return CheckLimits(**{"stroke_m": 0.25, **values})
+CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+limits = partial(CheckLimits, CYLINDER)
 
 
 def sensor(**values: Any) -> SensorScale:
@@ -31,7 +32,6 @@ def sensor(**values: Any) -> SensorScale:
         (limits, {"least_travel": 1.0}, "least_travel: expected at least 0 and less than 1, but got 1.0"),
         (limits, {"highest_pressure_pa": math.inf}, "highest_pressure_pa: expected a positive number, but got inf"),
         (limits, {"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
-        (limits, {"areas_m2": (1e-3, 2e-3)}, "annulus area: expected more than 0 and less than"),
         *(
             (StatedLoad.parsed, {"text": text}, "expected none, measured, position, or a constant load in newtons")
             for text in ("heavy", "nan", "10+-x", "10+--3", "")

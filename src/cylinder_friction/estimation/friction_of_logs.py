@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.results import FrictionOfRecording, known_number
 from cylinder_friction.evaluation.friction_levels import friction_levels
 from cylinder_friction.execution.workers import LostPiece, Workers
@@ -52,6 +51,7 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import Bounds
 
 Outcome = TypeVar("Outcome", bound=Converted | Quarantined)
+PLAN = OffsetPlan()
 ROWS_IN_MEMORY = 1 << 22
 """Most rows that wait in memory, in equal parts for all logs; further recordings of a log wait on disk."""
 OFTEN_MISSED = 3.0
@@ -83,7 +83,6 @@ class RecordingFriction:
 
     labeller: Labeller
     filter: SignalFilter
-    plan: OffsetPlan
     # The estimator or its folder. With None, friction is the label less the sensors' offset, if that is known
     model: FrictionEstimator | Path | None
     stated_load: str  # The constant load that the user stated, in words; empty if none
@@ -140,14 +139,14 @@ class RecordingFriction:
         evidence = None
         if estimator is None:
             known = LOADED.get(self.labeller.load, "")
-            evidence = offset_evidence(labelled, self.labeller.cylinder, self.plan, *self._halves(labelled), known)
+            evidence = offset_evidence(labelled, self.labeller.cylinder, PLAN, *self._halves(labelled), known)
         load, off_n = ("", 0.0) if of_session is None else (of_session.sentence(), of_session.expanded_n)
         return LabelledRecording(each.metadata, labelled, each.samples, evidence, load, len(labelled), off_n)
 
     def _halves(self, recording: Recording) -> tuple[float, float]:
         """Return half the sum and half the difference of extending and retracting friction at equal positions [N]."""
         position_m, velocity_m_s, friction_n = map(recording.column, ("position_m", "velocity_m_s", "friction_n"))
-        return up_and_down(position_m, velocity_m_s, friction_n, recording.usable(), self.plan.slowest_m_s)
+        return up_and_down(position_m, velocity_m_s, friction_n, recording.usable(), PLAN.slowest_m_s)
 
     def finished(self, recording: Recording, known: KnownOffset | None, loss: ApparentLoss | None = None) -> Recording:
         """Add bounds to a recording, and subtract the offset of its session if strokes determine one.
@@ -213,12 +212,6 @@ def waiting(result: Recording | Path) -> Recording:
     return read_recording(result) if isinstance(result, Path) else result
 
 
-def discard(result: Recording | Path) -> None:
-    """Remove the file of a recording that waited on disk."""
-    if isinstance(result, Path):
-        result.unlink()
-
-
 def refused_piece(about: RecordingMetadata, reason: str | LostPiece) -> Quarantined:
     return Quarantined(about.source_file, reason.reason if isinstance(reason, LostPiece) else reason, about.name)
 
@@ -265,7 +258,6 @@ class LabelledLogs:
     Args:
         logs: The files that belong together, and their recipe.
         files: The logs among them to process.
-        cylinder: The cylinder that was recorded.
         scratch: A folder that may be removed afterwards.
         model: The estimator or its folder. With None, friction is the off-line label less the sensors' offset, if that
             is known.
@@ -282,23 +274,21 @@ class LabelledLogs:
         self,
         logs: Logs,
         files: Sequence[LoggedFile],
-        cylinder: Cylinder,
         scratch: Path,
         model: FrictionEstimator | Path | None,
         workers: Workers | None = None,
     ) -> None:
-        self.logs, self.files, self.cylinder, self.scratch = logs, files, cylinder, scratch
-        self.workers = workers or Workers()
+        self.logs, self.files, self.scratch, self.workers = logs, files, scratch, workers or Workers()
+        self.cylinder = logs.recipe.limits.cylinder
         if not (model is None or isinstance(model, Path) or self.workers.here):
             model.save(scratch / "model")
             model = scratch / "model"  # each worker reads it once
-        labeller = Labeller(cylinder, load=logs.recipe.limits.load)
+        labeller = Labeller(self.cylinder, load=logs.recipe.limits.load)
         stated = logs.recipe.limits.stated_load
         words, share = "" if stated is None else stated.in_words(), ROWS_IN_MEMORY // max(1, len(files))
         self.friction = RecordingFriction(
             labeller,
-            default_filter(cylinder),
-            OffsetPlan(),
+            default_filter(self.cylinder),
             model,
             words,
             scratch,
@@ -319,25 +309,21 @@ class LabelledLogs:
             of_file.setdefault(each.metadata.source_file, []).append(each)
         for own in of_file.values():
             every = -(-sum(each.rows for each in own) // most_rows)
-            yield from map(self._finished, own[::every])
+            for each in own[::every]:
+                offset = self.offsets.get(each.metadata.session)
+                yield self.friction.finished(waiting(each.result), offset, self.loss), each.load
 
     def loss_in_words(self) -> str:
         """Describe the apparent loss; empty if there is none."""
         return "" if self.loss is None else self.loss.sentence(self.cylinder)
-
-    def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
-        offset = self.offsets.get(each.metadata.session)
-        return self.friction.finished(waiting(each.result), offset, self.loss), each.load
 
     def labelled(
         self, seen: SeenRecordings | None = None, evidence: Sequence[OffsetEvidence] = ()
     ) -> list[LabelledRecording]:
         """Read, check and label each log. Return its usable recordings, which ``finished`` then completes.
 
-        Args:
-            seen: Recordings of earlier runs, among which copies are searched for.
-            evidence: Evidence on the sensors' offset from earlier runs. At most ``MOST_SEARCHED`` of their sessions,
-                evenly spread, are used together with the new ones.
+        Copies are also searched for among ``seen`` recordings of earlier runs. At most ``MOST_SEARCHED`` sessions of
+        their ``evidence`` on offsets, evenly spread, are used together with the new ones.
         """
         found = list(usable(self.files, self.friction.of_file, seen or SeenRecordings(), self.workers))
         if self.friction.labeller.needs_identification:
@@ -347,8 +333,10 @@ class LabelledLogs:
         self.load_uncertainty_n = max((each.load_uncertainty_n for each in labelled), default=0.0)
         shown = [each.evidence for each in labelled if each.evidence is not None]
         if shown:
-            every = [*_spread(evidence), *shown]
-            offsets = known_offsets(every, self.cylinder, self.friction.plan)
+            known = sorted({each.session for each in evidence})
+            spread = set(known[:: -(-len(known) // MOST_SEARCHED) or 1])
+            every = [*(each for each in evidence if each.session in spread), *shown]
+            offsets = known_offsets(every, self.cylinder, PLAN)
             self.loss = named_loss(every)
             sessions = {each.session for each in shown}
             self.offsets = {each.session: each for each in offsets if each.session in sessions}
@@ -365,11 +353,6 @@ class LabelledLogs:
             lost = [refused_piece(each.metadata, found) for each in own] if isinstance(found, LostPiece) else found
             outcomes |= zip((each.metadata.name for each in own), lost, strict=True)
             for each in own:
-                discard(each.result)
+                if isinstance(each.result, Path):
+                    each.result.unlink()
         return (outcomes[each.metadata.name] for each in read)
-
-
-def _spread(evidence: Sequence[OffsetEvidence]) -> list[OffsetEvidence]:
-    sessions = sorted({each.session for each in evidence})
-    chosen = set(sessions[:: -(-len(sessions) // MOST_SEARCHED) or 1])
-    return [each for each in evidence if each.session in chosen]

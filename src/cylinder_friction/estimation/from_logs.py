@@ -13,7 +13,6 @@ import tempfile
 import warnings
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +24,6 @@ from cylinder_friction.estimation.friction_of_logs import (
     LabelledLogs,
     LabelledRecording,
     RecordingFriction,
-    discard,
     loaded_once,
     refused_piece,
     waiting,
@@ -138,7 +136,7 @@ def estimate_logs(
     with target.scratch() as scratch:
         there = read_results(into)
         new_logs, kept = sort_logs(logged_files(logs, rows_at_once), into, there, depends_on)
-        run = LabelledLogs(logs, new_logs, cylinder, scratch, given_model, workers)
+        run = LabelledLogs(logs, new_logs, scratch, given_model, workers)
         labelled = _labelled(run, kept, depends_on)
         listed = frozenset(target.listed())
         if not listed:
@@ -171,8 +169,7 @@ def _labelled(run: LabelledLogs, kept: Sequence[Result], depends_on: Mapping[str
     seen, evidence = SeenRecordings(), list[OffsetEvidence]()
     for each in kept if run.files else ():
         shown, samples = unpacked(each.compared)
-        seen.names[samples] = each.entry.name
-        seen.files[each.entry.name] = seen.digests[each.entry.source_sha256] = each.entry.source_file
+        seen.names[samples], seen.files[each.entry.name] = each.entry.name, each.entry.source_file
         if shown is not None and each.depends_on == depends_on:
             evidence.append(shown)
     return run.labelled(seen, evidence)
@@ -200,7 +197,8 @@ def _write_results(
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
-        discard(each.result)
+        if isinstance(each.result, Path):
+            each.result.unlink()
     return results
 
 
@@ -259,7 +257,8 @@ def _depends_on(
     """Hash what results depend on besides the logs. If one of the hashes changes, all logs are processed again."""
     database = logs.recipe.database
     given = hash_of(database) if database is not None and database.is_file() else ""
-    mapping = f"{replace(logs.recipe, cylinder='')}{given}"
+    limits = {name: value for name, value in vars(logs.recipe.limits).items() if name != "cylinder"}
+    mapping = f"{vars(logs.recipe) | {'limits': limits}}{given}"
     contents = {"cylinder": repr(cylinder), "mapping": mapping, "format": file_format}
     hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in contents.items()}
     hashes |= {"version of the code": hash_of(Path(__file__).parents[1]), "model": ""}

@@ -71,8 +71,7 @@ INTERVALS_OF_PARAMETERS = (
 )
 INTERVALS_OF_POINTS = (
     "Student's t over the medians of strokes, with what is stated of the sensors' zeros, or uncertain of an identified "
-    "load; where nothing is stated of zeros, they may shift friction beyond its interval; a single stroke has no "
-    "interval"
+    "load; where nothing is stated of zeros, they may shift friction beyond it; a single stroke has none"
 )
 
 
@@ -156,11 +155,13 @@ def identify_logs(
     given: dict[str, Any] = {"names": names, "load": load, "units": units, "database": database}
     logs = find_logs(files, channels, cylinder, sensor_class=sensor_class, **given)
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", logs.inputs).written() as folder:
-        run = LabelledLogs(logs, logged_files(logs, ROWS_AT_ONCE), cylinder, folder / ".scratch", None)
+        run = LabelledLogs(logs, logged_files(logs, ROWS_AT_ONCE), folder / ".scratch", None)
         shown = tqdm(run.recordings(MOST_ROWS), "read and label", len(logs.files), unit="recording", disable=None)
         labelled = list(shown)
         shutil.rmtree(run.scratch, ignore_errors=True)
-        others = _loaded(run, labelled) | other_rates([recording.metadata for recording, _ in labelled])
+        loads = [(each, load_left(run.friction.entry(each, load))) for each, load in labelled]
+        others = {each.name: Quarantined(each.metadata.source_file, words, each.name) for each, words in loads if words}
+        others |= other_rates([recording.metadata for recording, _ in labelled])
         refused = [*run.refused, *others.values()]
         recordings = [recording for recording, _ in labelled if recording.name not in others]
         if not recordings:
@@ -199,9 +200,9 @@ class ModelSearch:
         )
 
     def curves(self) -> tuple[IdentifiedCurve, ...]:
-        conditions = sorted({recording.metadata.condition for recording in self.recordings})
         curves = []
-        for condition, own in ((each, self._of(each)) for each in conditions):
+        for condition in sorted({recording.metadata.condition for recording in self.recordings}):
+            own = self._of(condition)
             points = stribeck_points(own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
             curve = IdentifiedCurve(condition, tuple(each.name for each in own), points, *known_curve(points))
             if curve.curve is not None:
@@ -227,9 +228,10 @@ class ModelSearch:
             return ""
         errors = []
         for model in (plain, scaled):
-            off_n = [self.simulated(model, each) - each.column("friction_n") for each in self.recordings]
-            rows = [each.usable() for each in self.recordings]
-            errors.append(float(np.mean([np.abs(off[own]).mean() for off, own in zip(off_n, rows, strict=True)])))
+            off_n = [
+                (self.simulated(model, each) - each.column("friction_n"))[each.usable()] for each in self.recordings
+            ]
+            errors.append(float(np.mean([np.abs(own).mean() for own in off_n])))
         if errors[0] > AS_GOOD * errors[1]:
             return ""
         return (
@@ -278,14 +280,6 @@ class ModelSearch:
         parameters = determined(model, found, points, DAMPING_RATIO, loss)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
-
-
-def _loaded(run: LabelledLogs, recordings: Sequence[tuple[Recording, str]]) -> dict[str, Quarantined]:
-    """Refuse, by name, recordings whose friction still contains a load, which would distort other parameters."""
-    left = {
-        each.name: (each.metadata.source_file, load_left(run.friction.entry(each, load))) for each, load in recordings
-    }
-    return {name: Quarantined(file, words, name) for name, (file, words) in left.items() if words}
 
 
 def _pressure(recording: Recording) -> Array:

@@ -8,15 +8,8 @@ from typing import Any
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimation.identified_model import (
-    SLOW_PARAMETERS,
-    SYMBOLS,
-    IdentifiedCurve,
-    IdentifiedModel,
-    meaning,
-)
+from cylinder_friction.estimation.identified_model import IdentifiedCurve, IdentifiedModel, IdentifiedParameter
 from cylinder_friction.files.whole_files import write_text
-from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.conversion import Quarantined
 from cylinder_friction.recordings.recording import Recording
@@ -57,14 +50,7 @@ def write_identification_page(
 ) -> None:
     """Write the page; equal input gives equal bytes.
 
-    Args:
-        path: Path of the HTML file.
-        curves: The curve of every condition.
-        models: All models, also those that could not be identified.
-        simulated: Every labelled recording, and the friction of each identified model by title [N], shape ``(n,)``.
-        confidence: Confidence level of the intervals.
-        offsets, guessed: As in ``write_friction_page``.
-        refused: Unusable files.
+    ``simulated`` holds every labelled recording with the friction of each identified model by title [N].
     """
     drawn = simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
@@ -73,8 +59,11 @@ def write_identification_page(
         title="Friction models",
         percent=f"{100.0 * confidence:g}",
         stribeck=_stribeck_figure(curves),
-        conditions=[(_named(each, curves), each.why_not, _curve_table(each), _point_table(each)) for each in curves],
-        models=[(model, None if model.found is None else _parameter_table(model)) for model in models],
+        conditions=[
+            (_named(each, curves), each.why_not, each.curve and _parameter_table(each.parameters), _point_table(each))
+            for each in curves
+        ],
+        models=[(model, None if model.found is None else _parameter_table(model.parameters)) for model in models],
         errors=_error_table(simulated, titles) if titles else None,
         panes=[(f"recording-{n}", each.name, _over_time(each, lines)) for n, (each, lines) in enumerate(drawn, 1)],
         left_out=len(simulated) - len(drawn),
@@ -131,20 +120,6 @@ def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
     return figure.look(480, legend_rows=len(curves))
 
 
-def _curve_table(each: IdentifiedCurve) -> Table | None:
-    if each.curve is None:
-        return None
-    rows: list[list[str | Cell]] = []
-    for spec in (*STRIBECK, RETRACT_RATIO):
-        problem = each.why_not_slow if spec.name in SLOW_PARAMETERS else ""
-        problem = each.no_viscous if spec.name == "viscous_n_s_m" else problem
-        remark = Cell(f"{NOT_DETERMINED}: {problem}" if problem else "", style="words")
-        value = Cell("–", style="none") if problem else four_digits(getattr(each.curve, spec.name))
-        rows.append([meaning(spec, pressure_scaled=False), SYMBOLS[spec.name], value, spec.unit, remark])
-    head = ("parameter of the curve", "symbol", "value", "unit", "remark")
-    return Table(head, rows, words=(1, 3, 4), style="stacked")
-
-
 def _point_table(each: IdentifiedCurve) -> Table:
     rows = [
         (
@@ -160,9 +135,9 @@ def _point_table(each: IdentifiedCurve) -> Table:
     return Table(("velocity [mm/s]", "friction [N]", "± [N]", "quartiles [N]", "strokes", "rows"), rows)
 
 
-def _parameter_table(model: IdentifiedModel) -> Table:
+def _parameter_table(parameters: Sequence[IdentifiedParameter]) -> Table:
     rows: list[list[str | Cell]] = []
-    for each in model.parameters:
+    for each in parameters:
         value = Cell("–", style="none") if each.value is None else four_digits(each.value)
         interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
         remark = Cell(f"{NOT_DETERMINED}: {each.note}" if each.value is None else each.note, style="words")

@@ -3,6 +3,8 @@
 The parameters can be written for simulators as a Modelica record and a MATLAB script.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -19,7 +21,7 @@ from cylinder_friction.friction_models.identification.steady_points import (
     steady_sliding_by_speed,
 )
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
-from cylinder_friction.friction_models.parameters import STRIBECK_EXPONENT, ParameterSpec
+from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, ParameterSpec
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.recordings.recording import Recording
@@ -93,26 +95,28 @@ class IdentifiedCurve:
         return replace(self, points=tuple(points), no_viscous=loss.unknown_viscous)
 
     @property
-    def why_not_slow(self) -> str:
-        """Reason why the curve's ``SLOW_PARAMETERS`` are not determined; empty if they are."""
+    def parameters(self) -> tuple[IdentifiedParameter, ...]:
+        """The curve's parameters; one that is not determined has a reason in place of a value."""
         assert self.curve is not None
-        exponent = self.curve.stribeck_exponent
+        exponent, why_not = self.curve.stribeck_exponent, no_rise_seen(self.curve, self.points)
         if min(exponent - STRIBECK_EXPONENT.lower, STRIBECK_EXPONENT.upper - exponent) < _EXPONENT_AT_THE_LIMIT:
-            return f"the fit ends at the limit of its exponent, {exponent:.2g}; record more strokes at low speed"
-        return no_rise_seen(self.curve, self.points)
+            why_not = f"the fit ends at the limit of its exponent, {exponent:.2g}; record more strokes at low speed"
+        notes = dict.fromkeys(SLOW_PARAMETERS, why_not) | {"viscous_n_s_m": self.no_viscous}
+        parameters = []
+        for spec in (*STRIBECK, RETRACT_RATIO):
+            note = notes.get(spec.name, "")
+            value, words = None if note else getattr(self.curve, spec.name), meaning(spec, pressure_scaled=False)
+            parameters.append(IdentifiedParameter(spec.name, SYMBOLS[spec.name], spec.unit, words, value, None, note))
+        return tuple(parameters)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; unknown values are None."""
         points = [{**asdict(point), "half_width_n": point.known_half_width_n} for point in self.points]
-        content: dict[str, Any] = {"recordings": list(self.recordings), "points": points}
-        if self.curve is None:
-            return content | {"curve": None, "why_not": self.why_not}
-        curve: dict[str, float | None] = asdict(self.curve)
-        if self.why_not_slow:
-            curve |= dict.fromkeys(SLOW_PARAMETERS)
-        if self.no_viscous:
-            curve["viscous_n_s_m"] = None
-        return content | {"curve": curve, "why_not": "; ".join(filter(None, (self.why_not_slow, self.no_viscous)))}
+        curve, why_not = None, self.why_not
+        if self.curve is not None:
+            curve = {each.name: each.value for each in self.parameters}
+            why_not = "; ".join(dict.fromkeys(each.note for each in self.parameters if each.note))
+        return {"recordings": list(self.recordings), "points": points, "curve": curve, "why_not": why_not}
 
 
 def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
@@ -131,11 +135,8 @@ def stribeck_points(
 ) -> tuple[StribeckPoint, ...]:
     """Compute points with intervals, in the order of velocity. Starts and stops of strokes are not used.
 
-    Args:
-        recordings: Recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
-        slowest_m_s: Speed below which the piston counts as at rest [m/s].
-        confidence: Probability of each interval.
-        zeros_n: How far the sensors' zeros may shift all points [N]; part of each interval.
+    Below ``slowest_m_s`` the piston counts as at rest. The sensors' zeros may shift all points by ``zeros_n``, which is
+    part of each interval.
     """
     steady = []
     for each in recordings:
@@ -197,12 +198,7 @@ def determined(
 ) -> tuple[IdentifiedParameter, ...]:
     """List every parameter of the model. A parameter that the motion does not determine has no number.
 
-    Args:
-        model: The identified model.
-        found: The result of its identification.
-        points: Points of steady sliding in the recordings that it was identified from.
-        damping_ratio: Assumed damping ratio of the mass on its bristles.
-        loss: Why ``BENT_BY_A_LOSS`` are not known; empty without an apparent loss between sensors and cylinder.
+    ``loss`` states why ``BENT_BY_A_LOSS`` are not known; empty without an apparent loss between sensors and cylinder.
     """
     assert isinstance(found.parameters, LugreParameters)
     searched = {spec.name for spec in model.searched}
@@ -221,7 +217,10 @@ def determined(
         value = None if note else found.parameters.value(spec.name)
         interval = found.intervals[spec.name] if value is not None and spec.name in searched else None
         if spec.name not in searched:
-            note = f"follows from {source}, which is not determined" if note else _assumed(spec, damping_ratio)
+            assumed = f"from the stiffness and a damping ratio of {damping_ratio:g}, which is assumed"
+            if spec.name != "bristle_damping_n_s_m":
+                assumed = "the Stribeck velocity, or less where passivity asks"
+            note = f"follows from {source}, which is not determined" if note else f"not measured: {assumed}"
         symbol, words = SYMBOLS[spec.name], meaning(spec, model.pressure_scaled)
         parameters.append(IdentifiedParameter(spec.name, symbol, spec.unit, words, value, interval, note))
     return tuple(parameters)
@@ -268,20 +267,8 @@ def _unknown(spec: ParameterSpec, found: Identification) -> str:
     return ""
 
 
-def _assumed(spec: ParameterSpec, damping_ratio: float) -> str:
-    if spec.name == "bristle_damping_n_s_m":
-        return f"not measured: from the stiffness and a damping ratio of {damping_ratio:g}, which is assumed"
-    return "not measured: the Stribeck velocity, or less where passivity asks"
-
-
 def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
-    """Write a record with the model's name. A parameter without a number has no default, so that users must set it.
-
-    Args:
-        model: The model with its parameters.
-        cylinder: The cylinder that it was identified on.
-        confidence: Confidence level of the intervals.
-    """
+    """Write a record with the model's name. A parameter without a number has no default, so that users must set it."""
     origin, *comments = _comments(model, cylinder)
     lines = [f'record {model.name} "{_modelica_text(origin)}"', *(f"  // {line}" for line in comments)]
     for each in model.parameters:
@@ -291,7 +278,7 @@ def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: floa
 
 
 def matlab_script(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
-    """Write a script that defines a structure. Unknown parameters are NaN. Arguments as for ``modelica_record``."""
+    """Write a script that defines a structure. Unknown parameters are NaN."""
     lines = [f"% {line}" for line in _comments(model, cylinder)]
     for each in model.parameters:
         value = "NaN" if each.value is None else f"{each.value:.9g}"

@@ -99,18 +99,11 @@ class FrictionOfLogs:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; unknown values are None."""
-        return {
-            "folder": self.folder.as_posix(),
-            "bounds": self.bounds,
-            "recordings": [each.to_dict() for each in self.recordings],
-            "refused": [dict(vars(each)) for each in self.refused],
-            "offsets": [{name: known_number(value) for name, value in vars(each).items()} for each in self.offsets],
-            "differences": [{**vars(each), "equal": each.equal and vars(each.equal)} for each in self.differences],
-            "new": list(self.new),
-            "depends_on": dict(self.depends_on),
-            "guessed": self.guessed,
-            "loss": self.loss,
-        }
+        content = vars(self) | {"folder": self.folder.as_posix(), "refused": [vars(each) for each in self.refused]}
+        content["recordings"] = [each.to_dict() for each in self.recordings]
+        content["offsets"] = [{name: known_number(own) for name, own in vars(each).items()} for each in self.offsets]
+        content["differences"] = [{**vars(each), "equal": each.equal and vars(each.equal)} for each in self.differences]
+        return content
 
 
 def remarks(each: FrictionOfRecording) -> list[str]:
@@ -167,9 +160,8 @@ class Result:
         return self.file, *self.beside
 
     def texts(self) -> dict[str, str]:
-        about = {**vars(self), "entry": self.entry.to_dict(), "offset": self.offset and vars(self.offset)}
-        about.pop("compared")
-        return {ABOUT: json.dumps(about, sort_keys=True), COMPARED: self.compared}
+        own = {"compared": "", "entry": self.entry.to_dict(), "offset": self.offset and vars(self.offset)}
+        return {ABOUT: json.dumps(vars(self) | own, sort_keys=True), COMPARED: self.compared}
 
 
 def read_result(path: Path) -> Result | None:
@@ -185,22 +177,11 @@ def read_result(path: Path) -> Result | None:
         "offset": about["offset"] and KnownOffset(**about["offset"]),
         "beside": tuple(about["beside"]),
     }
-    return Result(**about, compared=texts[COMPARED])
+    return Result(**about | {"compared": texts[COMPARED]})
 
 
 def write_result(folder: Path, finished: Recording, result: Result, pane: str, listed: Collection[str] = ()) -> None:
-    """Write the files of a result. It counts only once all files exist, so that an aborted run does no harm.
-
-    Args:
-        folder: The folder of results.
-        finished: The recording with its friction.
-        result: The statements of the result.
-        pane: The recording's pane of the page.
-        listed: Files that an earlier run listed as its own.
-
-    Raises:
-        FileExistsError: A file of the same name exists that no earlier run wrote.
-    """
+    """Write the files of a result. It counts only once all files exist, so that an aborted run does no harm."""
     path = folder / result.file
     earlier = read_result(path) if path.is_file() else None
     own = () if earlier is None else earlier.files
@@ -254,25 +235,26 @@ def sort_logs(
     A log is not new if all its results exist and were made from the same bytes under the same name, with the same
     cylinder, mapping, model and code. Every other log is new. All logs of its session are then processed again, because
     their offset and load are identified together. The results of a log that is gone are kept and marked.
-
-    Args:
-        logs: All logs of this run.
-        folder: The folder of results.
-        results: The statements of its results.
-        depends_on: SHA-256 of each thing besides the logs that results depend on.
-
-    Raises:
-        FileExistsError: A log of another cylinder has a result under the same name.
     """
     of_file: defaultdict[str, list[Result]] = defaultdict(list)
     for each in results:
         of_file[each.entry.source_file].append(each)
     digests = {log.name: log.digest for log in logs}
     known = {name: own[0].entry.source_sha256 for name, own in of_file.items()}
-    if known.keys() & digests.keys() and not {*known.values()} & {*digests.values()}:
-        _refuse_other_cylinder(folder, [of_file[name][0] for name in known.keys() & digests.keys()], depends_on)
-    complete = {name for name, digest in digests.items() if _all_there(of_file.get(name, []), digest, folder)}
-    same = {name for name in complete if all(each.depends_on == depends_on for each in of_file[name])}
+    replaced = [of_file[name][0] for name in known.keys() & digests.keys()]
+    for each in replaced if not {*known.values()} & {*digests.values()} else ():
+        if each.depends_on.get("cylinder") != depends_on["cylinder"]:  # of a machine with the same file names
+            raise FileExistsError(
+                f"{folder}: holds the friction of another {each.entry.source_file}, of another cylinder, which this "
+                "run would replace; name another folder by --output, or remove this one first"
+            )
+    same = {
+        name
+        for name, own in of_file.items()
+        if all(each.entry.source_sha256 == digests.get(name) and each.of_file == len(own) for each in own)
+        and all(each.depends_on == depends_on for each in own)
+        and all((folder / beside).is_file() for each in own for beside in each.beside)
+    }
     new = digests.keys() - same
     session = {log.name: _session(log) for log in logs}
     sessions = {session[name] for name in new} - {""}
@@ -284,22 +266,6 @@ def sort_logs(
         words = f"; it was processed with another {' and another '.join(unlike)}" if unlike else ""
         kept.append(replace(each, entry=replace(each.entry, gone=GONE + words)))
     return [log for log in logs if log.name in new], kept
-
-
-def _refuse_other_cylinder(folder: Path, replaced: Iterable[Result], depends_on: Mapping[str, str]) -> None:
-    """Refuse to replace results of other logs with another cylinder: they are of a machine with the same file names."""
-    for each in replaced:
-        if each.depends_on.get("cylinder") != depends_on["cylinder"]:
-            raise FileExistsError(
-                f"{folder}: holds the friction of another {each.entry.source_file}, of another cylinder, which this "
-                "run would replace; name another folder by --output, or remove this one first"
-            )
-
-
-def _all_there(own: Sequence[Result], digest: str, folder: Path) -> bool:
-    """Check whether these are all results of a log with this SHA-256."""
-    alike = all(each.entry.source_sha256 == digest and each.of_file == len(own) for each in own)
-    return bool(own) and alike and all((folder / name).is_file() for each in own for name in each.beside)
 
 
 def _session(log: LoggedFile) -> str:
@@ -322,12 +288,7 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def friction_of(results: Path, name: str) -> Recording:
-    """Read one recording with its friction and all other columns of its Parquet file.
-
-    Raises:
-        RecordingError: The file is damaged.
-        OSError: The recording does not exist.
-    """
+    """Read one recording with its friction and all other columns of its Parquet file."""
     return read_recording(results / f"{name}.parquet")
 
 
@@ -345,16 +306,13 @@ def restore_summary(results: Path) -> str:
     try:
         kept_recordings(results)
         target.listed()
-    except FileExistsError:
-        problem = "it does not list the results of an earlier run"
-    except (ValueError, TypeError, LookupError) as error:
+    except (FileExistsError, ValueError, TypeError, LookupError) as error:
         problem = f"{type(error).__name__}: {error}"
     else:
         return ""
     found = read_results(results)
-    entries = [each.entry.to_dict() for each in found]
-    about = {"recordings": entries, "depends_on": found[-1].depends_on if found else {}}
-    target.claim([name for each in found for name in each.files], about)
+    recordings, last = [each.entry.to_dict() for each in found], found[-1].depends_on if found else {}
+    target.claim([name for each in found for name in each.files], {"recordings": recordings, "depends_on": last})
     return problem
 
 

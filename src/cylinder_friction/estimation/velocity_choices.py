@@ -25,19 +25,14 @@ FITS_ALIKE = 0.01
 LEAST_SHARE = 0.02
 """Least half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
 EVALUATIONS = 400
-STEADY = {"coulomb_n", "retract_ratio"}
-"""Parameters that steady sliding also determines."""
+STEADY = {"coulomb_n", "retract_ratio"}  # Parameters that steady sliding also determines
 
 
 def slope(window: int, backlash_m: float, dead_band_m_s: float) -> Callable[[Recording], Array]:
     """Make a function that computes velocity [m/s] as the slope of a line fitted around each sample.
 
-    It equals the causal velocity of the same window, shifted back by its delay of half the window.
-
-    Args:
-        window: Number of samples, odd.
-        backlash_m: Half-width of the backlash operator, which gates the velocity [m]; 0 for none.
-        dead_band_m_s: Speed below which velocity is zero [m/s].
+    It equals the causal velocity of the same odd ``window`` of samples, shifted back by its delay of half the window.
+    Velocity is gated by a backlash operator of this half-width, and zero below the dead band; 0 for none.
     """
 
     def velocity(recording: Recording) -> Array:
@@ -62,9 +57,7 @@ def odd_window(duration_s: float, sample_time_s: float) -> int:
 def velocities_on_offer(noise_m: float, sample_time_s: float) -> dict[str, Callable[[Recording], Array]]:
     """List candidates by their descriptions: each window once with a dead band and once with a backlash.
 
-    Args:
-        noise_m: Standard deviation of the position's noise [m].
-        sample_time_s: Time between two samples [s].
+    ``noise_m`` is the standard deviation of the position's noise.
     """
     offered: dict[str, Callable[[Recording], Array]] = {}
     for window in sorted({odd_window(window_s, sample_time_s) for window_s in WINDOWS_S}):
@@ -125,11 +118,6 @@ def shifted_intervals(
     """Widen intervals by the largest shift of friction that the sensors' zeros may cause.
 
     A shift adds to dry friction while extending, and subtracts from it while retracting.
-
-    Args:
-        found: The result of the identification.
-        intervals: Interval of each parameter.
-        zeros_n: Greatest shift [N].
     """
     shifts = {"coulomb_n": zeros_n, "static_n": zeros_n}
     ratio = found.parameters.value("retract_ratio")

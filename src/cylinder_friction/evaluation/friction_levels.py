@@ -128,10 +128,12 @@ def in_words(found: Sequence[RecordingDifference]) -> str:
     still = sorted((each for each in found if each.is_unexplained), key=lambda each: -abs(_newtons(each)))
     if not still:
         return f"{spread}; at equal pressures, speed and direction recordings agree within their scatter"
+    if len(equal) == 2:  # each is compared with the other one: a single difference
+        still = still[:1]
     shown = [f"{each.name} {_newtons(each):+.0f} ± {equal[each.name].half_width_n:.0f} N" for each in still[:3]]
     more = f" and {len(still) - 3} more" if len(still) > 3 else ""
     return (
-        f"{spread}; at equal pressures, speed and direction these differ from the others: {', '.join(shown)}{more}. "
+        f"{spread}; at equal pressures, speed and direction it differs from the others' for {', '.join(shown)}{more}. "
         "Something else differs, such as position, the oil's temperature, the load or a sensor's zero"
     )
 

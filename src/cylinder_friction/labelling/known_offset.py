@@ -72,10 +72,9 @@ class KnownOffset:
     @property
     def value(self) -> str:
         """Offset and uncertainty as text."""
-        spread = f"± {self.uncertainty_n:.1f} N"
         if math.isfinite(self.offset_n):
-            return f"{self.offset_n:.1f} {spread}"
-        return f"within {spread}" if math.isfinite(self.uncertainty_n) else "unknown"
+            return f"{self.offset_n:.1f} ± {self.uncertainty_n:.1f} N"
+        return f"unknown, at most {self.uncertainty_n:.1f} N" if math.isfinite(self.uncertainty_n) else "unknown"
 
 
 def offset_evidence(
@@ -238,7 +237,7 @@ def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
 
 def _from_strokes(found: SessionOffset, words: str, condition_n: float = 0.0) -> KnownOffset:
     common_n = COVERAGE_FACTOR * found.common_uncertainty_n
-    words += f"; ± {common_n:.1f} N of it common to all, whose mean looks like an asymmetry of friction"
+    words += f"; ± {common_n:.1f} N of this are common to all sessions, as a mean offset looks like asymmetric friction"
     words += f", and ± {COVERAGE_FACTOR * condition_n:.1f} N common to its condition" if condition_n else ""
     uncertainty_n = COVERAGE_FACTOR * math.hypot(found.standard_uncertainty_n, condition_n)
     return KnownOffset(found.session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)

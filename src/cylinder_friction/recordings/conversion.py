@@ -27,7 +27,6 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.logs import Logs, Recipe
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, sensor_uncertainty, wanted_channels
-from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.recording import (
     Columns,
@@ -59,7 +58,6 @@ class SeenRecordings:
     """Recordings of this run and of earlier runs, among which copies are searched for."""
 
     files: dict[str, str] = field(default_factory=dict)  # File by name of its recording
-    digests: dict[str, str] = field(default_factory=dict)  # File by SHA-256 of its bytes
     names: dict[str, str] = field(default_factory=dict)  # Name of the recording by ``samples_hash``
 
     def problem(self, name: str, file: str, samples: str) -> str:
@@ -141,27 +139,20 @@ class Converted:
 
 
 def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[LoggedTable]:
-    """Read a file's tables with the mapped channels. A single table of more than ``rows`` rows is read in parts.
-
-    If a rate is stated, channels named time are also read, to check that they do not contradict it.
-    """
-    read = partial(read_logged_file, path, recipe.csv, database=recipe.database, rows=rows)
-    wanted = wanted_channels(recipe.channels)
-    tables = read(wanted)
-    unread = {name for table in tables for name in table.unread} if recipe.channels[TIME].rate_hz else set()
-    clocks = {name for name in unread if words_of(name).quantity == "time"}
-    return read(wanted | clocks) if clocks else tables
+    """Read a file's tables with the mapped channels. A single table of more than ``rows`` rows is read in parts."""
+    return read_logged_file(path, recipe.csv, wanted_channels(recipe.channels), database=recipe.database, rows=rows)
 
 
 def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
     """Add to the names of a file what else its recordings share; each has its own sample time and start."""
     stated = recipe.limits.stated_load
-    areas_m2 = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
+    cylinder = recipe.limits.cylinder
+    areas_m2 = dict(zip(PRESSURES, (cylinder.piston_area_m2, cylinder.annulus_area_m2), strict=True))
     sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
     load = {} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)}
     return replace(
         named,
-        cylinder=recipe.cylinder,
+        cylinder=cylinder.name,
         load=named.load if stated is None else stated.in_words(),
         uncertainty=load | sensor_uncertainty(recipe.channels),
         source_file=source_file,
@@ -190,20 +181,23 @@ def pieces_from(
     a part of a file, ``rows_before`` counts the rows above them; a clock made from a stated rate continues from there.
     """
     mapped = map_signals(tables, recipe.channels)
-    signals, notes = mapped.signals, tuple[str, ...]()
+    signals, notes, rules = mapped.signals, tuple[str, ...](), recipe.start
+    start = mapped.start or rules.named(about.source_file)
     rate_hz = recipe.channels[TIME].rate_hz
     if rows_before and rate_hz is not None:
         later = {id(each.time_s): each.time_s + rows_before / rate_hz for each in signals.values()}
         signals = {name: replace(each, time_s=later[id(each.time_s)]) for name, each in signals.items()}
     if screened:
         limits = sensor_limits(recipe.channels)
-        signals, bad = screen_signals(signals, limits, recipe.limits.stroke_m)
+        signals, bad = screen_signals(signals, limits, recipe.limits.cylinder.stroke_m)
         notes = (*mapped.notes, *bad)
+    if start is None and rules.pattern is not None:
+        notes += (f"start.pattern {rules.pattern!r} finds no date in {about.source_file!r}; its start is not known",)
     pieces = align(
         signals,
         recipe.time,
         replace(about, repairs=notes),
-        recipe.start.in_utc(mapped.start or recipe.start.named(about.source_file)),
+        rules.in_utc(start),
     )
     if recipe.limits.stated_load is not None:
         force_n = recipe.limits.stated_load.force_n
@@ -219,14 +213,12 @@ def pieces_of_tables(
     """Yield the pieces of a file in order, each with its number among several; memory holds one part of a long file.
 
     A part of a long file without a piece yields its error.
-
-    Raises:
-        RecordingError: The file cannot be read, or a file that is not read in parts has no piece.
     """
     if tables[0].more is None:
         pieces = pieces_from(tables, recipe, about)
-        for number, piece in enumerate(pieces, start=1):
-            yield piece, f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
+        yield from (
+            (each, f"piece {n} of {len(pieces)}" if len(pieces) > 1 else "") for n, each in enumerate(pieces, 1)
+        )
         return
     number, rows, last, rules = 0, 0, "", recipe.time
     width, restarted = max(2, len(str(tables[0].parts))), False
@@ -299,30 +291,18 @@ def shown(items: Iterable[Item], words: str, total: int, unit: str) -> Iterable[
 
 
 def usable(
-    files: Iterable[LoggedFile],
+    files: Sequence[LoggedFile],
     work: Callable[[LoggedFile], Iterable[OfFile | Quarantined]],
     seen: SeenRecordings,
     workers: Workers | None = None,
 ) -> Iterator[OfFile | Quarantined]:
-    """Do the ``work`` on each file; yield its results in order, and refuse copies of a file or a recording.
+    """Do the ``work`` on each file; yield its results in order, and refuse copies of a recording.
 
-    Args:
-        files: Files whose recipe has channels that have passed ``check_mapping``.
-        work: Converts one file. With ``workers``, its results must be picklable.
-        seen: Recordings that were converted before; the new ones are added.
-        workers: Process files in parallel. None processes them one after the other in this process.
+    ``work`` converts one file, whose mapping has passed ``check_mapping``. ``seen`` gets the new recordings. With
+    ``workers``, results must be picklable; without, files are processed one after the other in this process.
     """
-    workers, copies, own = workers or Workers(), list[Quarantined](), list[LoggedFile]()
-    for file in files:
-        if file.digest in seen.digests:
-            reason = f"holds the same bytes as {seen.digests[file.digest]}; a copy would be counted twice"
-            copies.append(Quarantined(file.name, reason))
-            continue
-        if file.digest:
-            seen.digests[file.digest] = file.name
-        own.append(file)
-    done = workers.in_order([partial(work, file) for file in own])
-    for file, outcomes in zip(own, shown(done, "ingest", len(own), "file"), strict=True):
+    done = (workers or Workers()).in_order([partial(work, file) for file in files])
+    for file, outcomes in zip(files, shown(done, "ingest", len(files), "file"), strict=True):
         if isinstance(outcomes, LostPiece):
             yield Quarantined(file.name, outcomes.reason)
             continue
@@ -334,7 +314,6 @@ def usable(
                 yield Quarantined(file.name, problem, each.metadata.name if len(found) > 1 else "")
             else:
                 yield each
-    yield from copies
 
 
 def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:

@@ -70,20 +70,14 @@ class NameRules:
         groups = _groups(self.pattern, "name pattern")
         if self.pattern is not None and "session" not in groups:
             raise RecordingError(
-                f"name pattern {self.pattern!r} has no group 'session'; write (?P<session>...) around the part of the "
-                "path that names the session"
+                f"name pattern {self.pattern!r} has no group 'session'; write (?P<session>...) around the session"
             )
 
     def names(self, relative_path: str) -> RecordingMetadata:
-        """Find name, condition, session, load and machine of a file by its path relative to the source, with ``/``.
-
-        Raises:
-            RecordingError: The pattern does not match, or the name is not allowed on other systems.
-        """
+        """Find name, condition, session, load and machine of a file by its path relative to the source, with ``/``."""
         if "\\" in relative_path or {"Cc", "Cs"} & set(map(category, relative_path)):
             raise RecordingError(
-                f"path {relative_path!r} holds a backslash, a control character or bytes that are not UTF-8; rename "
-                "the file"
+                f"path {relative_path!r} holds a backslash, a control character or bytes that are not UTF-8; rename it"
             )
         name = name_of(relative_path)
         if self.pattern is None:
@@ -159,14 +153,10 @@ class StartRules:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Settings for converting a logger's files to recordings.
-
-    ``channels`` maps columns to channels. ``cylinder`` is the cylinder's name.
-    """
+    """Settings for converting a logger's files to recordings. ``channels`` maps columns to channels."""
 
     names: NameRules
     channels: Mapping[str, ChannelMapping]
-    cylinder: str
     limits: CheckLimits
     csv: CsvOptions = field(default_factory=CsvOptions)
     time: TimeRules = field(default_factory=TimeRules)
@@ -191,19 +181,12 @@ class Recipe:
         }
         channels = {column: each.for_stroke(column, cylinder.stroke_m) for column, each in channels.items()}
         steps = {column: limits.step for column, limits in sensor_limits(channels).items() if limits.step}
-        limits = CheckLimits(
-            cylinder.stroke_m,
-            (cylinder.piston_area_m2, cylinder.annulus_area_m2),
-            "measured" if isinstance(load, StatedLoad) else load,
-            steps,
-            cylinder.rod_diameter_1_m,
-            load if isinstance(load, StatedLoad) else None,
-            **settings.get("checks", {}),
-        )
+        stated = load if isinstance(load, StatedLoad) else None
+        mode: LoadMode = "measured" if isinstance(load, StatedLoad) else load
+        limits = CheckLimits(cylinder, mode, steps, stated, **settings.get("checks", {}))
         return cls(
             names=names,
             channels=channels,
-            cylinder=cylinder.name,
             limits=limits,
             csv=CsvOptions(**settings.get("csv", {})),
             time=TimeRules(**settings.get("time", {})),
@@ -260,11 +243,12 @@ def find_logs(
     the rate in ``channels``, or each file's own rate.
     """
     given = [files] if isinstance(files, str | Path) else list(files)
+    mapping = channels if isinstance(channels, str | Path) else None
     paths, guess, tables = log_paths(given), None, list[LoggedTable]()
     try:
         if channels is None:
             guess, tables = _guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
-            settings: dict[str, Any] = {"channels": {name: guess.entry(name) for name in guess.columns}}
+            settings: dict[str, Any] = {"channels": {name: each.entry for name, each in guess.columns.items()}}
         elif units:
             raise RecordingError(
                 f"units: got {dict(units)} beside a mapping; state them in the mapping, or leave it out"
@@ -277,12 +261,9 @@ def find_logs(
             settings["time"] = {**settings.get("time", {}), "rate_hz": rate_hz}
         logs = _logs(paths, settings, cylinder, names, load)
     except (TypeError, AttributeError) as error:
-        where = channels if isinstance(channels, str | Path) else "channels"
         raise RecordingError(
-            f"{where}: is no mapping of channels to columns with rules ({error}); `cylinder-friction ingest init FILE` "
-            "writes one"
+            f"{mapping or 'channels'}: is no mapping of channels to columns with rules ({error}); see `ingest init`"
         ) from error
-    mapping = channels if isinstance(channels, str | Path) else None
     return replace(
         logs.with_sensor_class(sensor_class),
         guessed=None if guess is None else {"from": paths[0].name, "columns": guess.to_dict()},
@@ -343,17 +324,15 @@ def log_paths(files: Sequence[str | Path]) -> list[Path]:
     """List the files named by paths, folders and patterns, sorted; raise ``RecordingError`` if one names no file."""
     found: set[Path] = set()
     for file in files:
-        path = Path(file)
+        path, problem = Path(file), "is no regular file; copy what comes from it into one"
+        named: Iterable[Path] = [path]
         if path.is_dir():
-            matching = [inner for inner in path.rglob("*") if inner.is_file() and not inner.name.startswith(".")]
-        else:
-            named = [path] if path.exists() else map(Path, glob.glob(str(file), recursive=True))  # noqa: PTH207
-            matching = [each for each in named if each.is_file()]
-        if not matching:
+            named, problem = path.rglob("[!.]*"), "is an empty folder; expected logs in it"
+        elif not path.exists():
+            named = map(Path, glob.glob(str(file), recursive=True))  # noqa: PTH207
             problem = "no such file, and no file matches it as a pattern; correct the path"
-            if path.exists():
-                empty = "is an empty folder; expected logs in it"
-                problem = empty if path.is_dir() else "is no regular file; copy what comes from it into one"
+        matching = [each for each in named if each.is_file()]
+        if not matching:
             raise RecordingError(f"{file}: {problem}")
         found.update(matching)
     if not found:

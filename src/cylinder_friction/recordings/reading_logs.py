@@ -91,15 +91,6 @@ def read_recordings(
     return [recording for recording in recordings if recording.name not in others]
 
 
-@dataclass(frozen=True)
-class Source:
-    """The folder of logged files, a glob ``pattern`` for them (``**`` for folders below), and their recipe."""
-
-    folder: Path
-    pattern: str
-    recipe: Recipe
-
-
 @dataclass
 class Ingested:
     """The outcome of ingesting, in the order of the files' paths."""
@@ -125,28 +116,28 @@ class Ingested:
         return "\n".join(lines)
 
 
-def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Workers | None = None) -> Ingested:
+def ingest_folder(
+    source: Path, pattern: str, recipe: Recipe, into: Path, quarantine_file: Path, workers: Workers | None = None
+) -> Ingested:
     """Write one Parquet file per usable recording into ``into``, and the reasons of refusals as ``quarantine_file``.
 
-    A bad file does not stop the others. Memory holds one file at a time, or one in each of the ``workers``.
-
-    Raises:
-        RecordingError: The mapping is wrong, no file is found, or no file is usable.
+    The files of the folder ``source`` that match the glob ``pattern`` (``**`` for folders below) are read. A bad file
+    does not stop the others. Memory holds one file at a time, or one in each of the ``workers``.
     """
-    check_mapping(source.recipe.channels)
+    check_mapping(recipe.channels)
     # A dangling link counts as a file that cannot be read.
-    paths = sorted(path for path in source.folder.glob(source.pattern) if not path.is_dir())
+    paths = sorted(path for path in source.glob(pattern) if not path.is_dir())
     if not paths:
         raise RecordingError(
-            f"{source.folder}: no file matches {source.pattern!r}; put recordings there, or name their folder as "
+            f"{source}: no file matches {pattern!r}; put recordings there, or name their folder as "
             "ingest.source and their pattern as ingest.pattern in params.yaml"
         )
-    files = {path.relative_to(source.folder).as_posix(): path for path in paths}
+    files = {path.relative_to(source).as_posix(): path for path in paths}
     result = Ingested(len(files))
     with whole_folder(into) as folder:
         elsewhere = folder / ".converted"
         work = partial(_written, folder=elsewhere)
-        for outcome in usable(logged_files(Logs(source.folder, files, source.recipe)), work, SeenRecordings(), workers):
+        for outcome in usable(logged_files(Logs(source, files, recipe)), work, SeenRecordings(), workers):
             if isinstance(outcome, Quarantined):
                 result.quarantined.append(outcome)
                 continue
@@ -154,7 +145,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
             path.rename(folder / f"{outcome.metadata.name}.parquet")
             result.recordings.append((outcome.metadata, rows))
         overlaps = overlaps_in_words((each, rows * each.sample_time_s) for each, rows in result.recordings)
-        result.notes = [*_not_read(source, paths), *filter(None, [overlaps])]
+        result.notes = [*_not_read(source, pattern, paths), *filter(None, [overlaps])]
         shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
         for name in others:
@@ -163,7 +154,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
         result.quarantined = sorted([*result.quarantined, *others.values()], key=lambda each: (each.file, each.piece))
         write_json(quarantine_file, [asdict(entry) for entry in result.quarantined])
         if not result.recordings:
-            raise none_usable(source.folder.as_posix(), len(files), result.quarantined[0])
+            raise none_usable(source.as_posix(), len(files), result.quarantined[0])
     return result
 
 
@@ -177,12 +168,12 @@ def _written(file: LoggedFile, folder: Path) -> list[Converted | Quarantined]:
     return [each if isinstance(each, Quarantined) else written(each) for each in converted(file)]
 
 
-def _not_read(source: Source, matching: list[Path]) -> list[str]:
+def _not_read(source: Path, pattern: str, matching: list[Path]) -> list[str]:
     """Name files that the pattern may leave out by mistake, such as .CSV among .csv files."""
-    beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
+    beside = {path for path in source.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
     left_out = sorted(beside - set(matching))
     if not left_out:
         return []
-    first = left_out[0].relative_to(source.folder).as_posix()
+    first = left_out[0].relative_to(source).as_posix()
     files = "1 file" if len(left_out) == 1 else f"{len(left_out)} files"
-    return [f"{files} not read, for {source.pattern!r} does not match (first: {first}); see ingest.pattern"]
+    return [f"{files} not read, for {pattern!r} does not match (first: {first}); see ingest.pattern"]

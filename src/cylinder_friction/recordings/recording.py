@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -28,7 +28,10 @@ Columns = Mapping[str, NDArray[Any]]
 
 
 class RecordingError(RefusalError, ValueError):
-    """A recording that cannot be used; the message states what, where, found, expected and what to do."""
+    """A log, mapping or recording that cannot be used. Whatever reads, maps, aligns or checks one may raise it.
+
+    The message states what, where, found, expected and what to do.
+    """
 
 
 def expect(valid: object, name: str, expected: str, found: object) -> None:
@@ -125,11 +128,7 @@ class RecordingMetadata:
         return cls(**values | {"uncertainty": known, "identified_zero": zeros, "line_loss": lines, "repairs": repairs})
 
     def to_dict(self) -> dict[str, Any]:
-        within = {name: dict(getattr(self, name)) for name in ("sensors", "depends_on", "zero_offset")}
-        for name in ("uncertainty", "identified_zero", "line_loss"):
-            within[name] = {column: dict(vars(each)) for column, each in getattr(self, name).items()}
-        known = vars(self) | within
-        return known if self.line_loss else {name: value for name, value in known.items() if name != "line_loss"}
+        return {name: value for name, value in asdict(self).items() if value or name != "line_loss"}
 
 
 UNNAMED = RecordingMetadata("", "", "", 0.0)
@@ -172,11 +171,7 @@ class Recording:
         self._check_shapes()
         for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
             if name in self.columns:
-                values = self.column(name)
-                with np.errstate(over="ignore", invalid="ignore"):
-                    all_finite = bool(np.isfinite(values.sum()))  # a finite sum has only finite terms
-                if not all_finite:
-                    refuse_not_finite(self.name, values[:, None], (name,))
+                refuse_not_finite(self.name, self.column(name)[:, None], (name,))
 
     @classmethod
     def unchecked(cls, metadata: RecordingMetadata, columns: Columns) -> Self:
@@ -224,7 +219,7 @@ class Recording:
         if name not in self.columns:
             raise RecordingError(
                 f"recording {self.name!r}: column {name!r} is missing; got columns {list(self.columns)}; "
-                "run the stage that adds it (filter adds velocity, label adds friction)"
+                "run the stage that adds it (filter adds velocity, label adds friction), or log it"
             )
         return np.asarray(self.columns[name], dtype=np.float64)
 
@@ -234,12 +229,6 @@ class Recording:
         Raises:
             RecordingError: A column is missing, for example because a drive force replaces both pressures.
         """
-        for column in columns:
-            if column not in self.columns and column in SAMPLE_COLUMNS and DRIVE_FORCE in self.columns:
-                raise RecordingError(
-                    f"recording {self.name!r}: column {column!r} is missing; it has {DRIVE_FORCE} in place of the two "
-                    "pressures, which is enough for a label but not for this estimator"
-                )
         return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
 
     def zeroed(self) -> Recording:

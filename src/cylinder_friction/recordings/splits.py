@@ -54,8 +54,7 @@ def split_sessions(
                 f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} "
                 f"({', '.join(sorted(names))}), but {len(kept) + 1} are needed: {kept.count('test')} for test, "
                 f"{validation_sessions} for validation, {calibration_sessions} for calibration and at least 1 for "
-                "training; record more sessions, lower split.test_sessions, or make ingest.name_pattern distinguish "
-                "sessions"
+                "training; record more sessions, lower split.test_sessions, or correct ingest.name_pattern"
             )
         hashes = {hashlib.sha256(f"{seed}/{condition}/{name}".encode()).digest(): name for name in names}
         drawn = [hashes[each] for each in sorted(hashes)]

@@ -29,7 +29,13 @@ def write_recording(
         >>> path.name == f"{labelled[0].name}.parquet", len(read_recording(path)) == len(labelled[0])
         (True, True)
     """
-    path, table = folder / f"{stem or recording.name}.parquet", _arrow_table(recording)
+    path, arrays, fields = folder / f"{stem or recording.name}.parquet", [], []
+    for name, values in recording.columns.items():
+        numeric = values.dtype.kind in "fiub"  # of numbers, NaN stays NaN
+        arrays.append(pa.array(values, from_pandas=not numeric))
+        fields.append(pa.field(name, arrays[-1].type, nullable=not numeric))
+    metadata = json.dumps(recording.metadata.to_dict()).encode()
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
     floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
     how: dict[str, Any] = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": floats}
     with whole_file(path) as draft, pq.ParquetWriter(draft, table.schema, **how) as writer:
@@ -44,18 +50,6 @@ def read_beside(path: Path) -> dict[str, str]:
         return {name.decode(): text.decode() for name, text in (pq.read_metadata(path).metadata or {}).items()}
     except (pa.ArrowException, UnicodeDecodeError):
         return {}
-
-
-def _arrow_table(recording: Recording) -> pa.Table:
-    """Convert a recording's columns and metadata to Arrow, without copying numbers; NaN stays NaN."""
-    arrays, fields = [], []
-    for name, values in recording.columns.items():
-        numeric = values.dtype.kind in "fiub"
-        array = pa.array(values, from_pandas=not numeric)
-        arrays.append(array)
-        fields.append(pa.field(name, array.type, nullable=not numeric))
-    metadata = json.dumps(recording.metadata.to_dict()).encode()
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
 
 
 def read_metadata(path: Path) -> RecordingMetadata:

@@ -17,9 +17,6 @@ def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
     """Read the truth at the recording's rows; None if ``<folder>/<name>.parquet`` does not exist.
 
     Columns, at least: ``time_s``, ``friction_n`` [N, opposing positive velocity], ``velocity_m_s``.
-
-    Raises:
-        RecordingError: The truth lacks a column, or its times are not those of the recording.
     """
     path = folder / f"{recording.name}.parquet"
     if not path.is_file():

@@ -202,7 +202,7 @@ def offset_lines(offsets: Sequence[KnownOffset]) -> list[str]:
     """List the lines of the printed report, one per session below a head."""
     width, space = (max(len(getattr(each, name)) for each in offsets) for name in ("session", "value"))
     lines = [f"  {each.session:<{width}}  {each.value:<{space}}  {each.source}: {each.words}" for each in offsets]
-    return ["offset of the sensors' zeros by session, as friction (k = 2)", *lines]
+    return ["offset that the sensors' zeros add to friction, by session (k = 2, about 95 %)", *lines]
 
 
 def offset_table(offsets: Sequence[KnownOffset]) -> Table:

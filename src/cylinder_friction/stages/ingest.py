@@ -12,7 +12,7 @@ from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, OTHER_POSITIONS
 from cylinder_friction.recordings.logs import NameRules, Recipe
-from cylinder_friction.recordings.reading_logs import Ingested, Source, ingest_folder
+from cylinder_friction.recordings.reading_logs import Ingested, ingest_folder
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, flat
@@ -34,9 +34,9 @@ def run(params: Params) -> RunRecord:
         RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or no file is usable.
     """
     refuse_unlike_load(params.ingest)
-    source = Source(Path(params.ingest.source), params.ingest.pattern, recipe_from(params))
+    source, pattern = Path(params.ingest.source), params.ingest.pattern
     with workers_from_environment() as workers:
-        ingested = ingest_folder(source, RECORDINGS_FOLDER, QUARANTINE_FILE, workers)
+        ingested = ingest_folder(source, pattern, recipe_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE, workers)
     content = params.ingest.model_dump(include={"source", "truth", "load", "oil_temperature"})
     others = [column for column in OTHER_POSITIONS if column in params.ingest.channels]
     write_json(INGESTED_FILE, content | {"other_positions": others if params.ingest.load == "position" else []})

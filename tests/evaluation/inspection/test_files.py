@@ -19,9 +19,8 @@ CHANNELS = {"time_s": "s", "pressure_1_pa": "Pa", "pressure_2_pa": "Pa", "positi
 @pytest.fixture(scope="module")
 def recipe(cylinder: Cylinder) -> Recipe:
     channels = {name: ChannelMapping.from_dict({"channel": name, "unit": unit}) for name, unit in CHANNELS.items()}
-    limits = CheckLimits(cylinder.stroke_m, (cylinder.piston_area_m2, cylinder.annulus_area_m2))
     names = NameRules(pattern=r"(?P<session>(?P<condition>[a-z]+)\d+)_")
-    return Recipe(names, channels, cylinder.name, limits)
+    return Recipe(names, channels, CheckLimits(cylinder))
 
 
 def logged(folder: Path, recordings: dict[str, Recording | bytes]) -> dict[str, Path]:

@@ -9,6 +9,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode
 from cylinder_friction.recordings.checks.plausibility import check_friction
+from cylinder_friction.recordings.recording import Recording
 from logger_files import columns_of
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -28,9 +29,8 @@ def scaled(factor: float) -> Change:
     return lambda table: table.assign(**table[["pressure_1_pa", "pressure_2_pa"]] * factor)
 
 
-def checked(table: pd.DataFrame, cylinder: Cylinder | None, load: LoadMode = "none") -> list[Finding]:
-    areas = (cylinder.piston_area_m2, cylinder.annulus_area_m2) if cylinder else None
-    return check_friction(columns_of(table), 0.005, CheckLimits(STROKE_M, areas, load))
+def checked(table: pd.DataFrame, cylinder: Cylinder, load: LoadMode = "none") -> list[Finding]:
+    return check_friction(columns_of(table), 0.005, CheckLimits(cylinder, load))
 
 
 def outcomes(findings: list[Finding]) -> dict[str, str]:
@@ -47,22 +47,26 @@ REFUSED = {"direction": "refused"}
     [
         (lambda table: table, {}, ""),
         (swapped, REFUSED, r"^the pressures are swapped: as they stand, .* N retracting .* exchange the channels"),
-        (inverted, REFUSED, r"^position_m is inverted, or both pressures are: .* friction would drive .* sign: -1"),
+        (
+            inverted,
+            REFUSED,
+            r"^friction would drive the piston: .*; position_m is inverted, or both pressures are: .*-1",
+        ),
         (lambda table: swapped(inverted(table)), REFUSED, "^the pressures are swapped and position_m is inverted: "),
         (scaled(100.0), {"friction_size": "refused"}, r"expected less than 100; .*kPa read as bar"),
         (scaled(10.0), NOTED_SIZE, r"usual are 0.2 to 10; .* \(bar read as MPa\?\)"),
         (scaled(0.1), NOTED_SIZE, r"\(MPa read as bar\?\)"),
     ],
 )
-def test_the_rigs_recordings(
-    rig_tables: dict[str, pd.DataFrame],
+def test_two_pressures_show_what_is_wrong(
+    labelled_recordings: list[Recording],
     cylinder: Cylinder,
     change: Change,
     expected: dict[str, str],
     text: str,
     load: Any,
 ) -> None:
-    for table in rig_tables.values():
+    for table in (each.table for each in labelled_recordings):
         findings = checked(change(table), cylinder, load)
         assert outcomes(findings) == expected
         assert not findings or any(re.search(text, finding.text) for finding in findings)
@@ -71,9 +75,9 @@ def test_the_rigs_recordings(
 @pytest.mark.parametrize("column", ["pressure_1_pa", "pressure_2_pa"])
 @pytest.mark.parametrize("offset_pa", [-1.25e5, 1.25e5])
 def test_a_sensors_zero_is_never_taken_for_a_swap(
-    rig_tables: dict[str, pd.DataFrame], cylinder: Cylinder, column: str, offset_pa: float
+    labelled_recordings: list[Recording], cylinder: Cylinder, column: str, offset_pa: float
 ) -> None:
-    for table in rig_tables.values():
+    for table in (each.table for each in labelled_recordings):
         wrong = table.assign(**{column: table[column] + offset_pa})
         assert outcomes(checked(wrong, cylinder)).get("direction") in (None, "noted")
         assert outcomes(checked(swapped(wrong), cylinder)) == REFUSED
@@ -106,7 +110,7 @@ UNKNOWN = "one of them drives the motion, so there is"
 @pytest.mark.parametrize(
     ("table", "load", "outcome", "text"),
     [
-        (pushed(), "none", "ok", ""),  # a drive force needs no areas
+        (pushed(), "none", "ok", ""),
         (pushed(-300.0), "none", "refused", "change the sign of position_m or of drive_force_n"),
         (LOADED, "measured", "ok", ""),
         (WEIGHED, "measured", "ok", ""),
@@ -120,7 +124,6 @@ UNKNOWN = "one of them drives the motion, so there is"
             "noted",
             UNKNOWN + r" another load of about 2e\+03 N.*; check unit and zero of load_force",
         ),
-        (pushed().rename(columns={"drive_force_n": "pressure_1_pa"}), "none", "noted", "the areas of the cylinder are"),
         (pushed().iloc[:5], "none", "noted", "in 0 rows only, expected 20 each"),
         (pushed().assign(position_m=ONE_WAY), "none", "noted", "hardly pass the same positions"),
         (pushed().assign(position_m=np.linspace(0.05, 0.2, 4000)), "none", "noted", "in 0 rows only, expected 20 each"),
@@ -128,7 +131,9 @@ UNKNOWN = "one of them drives the motion, so there is"
         (pushed(0.0), "none", "noted", "cannot be distinguished from zero"),
     ],
 )
-def test_a_force_shows_its_direction_or_why_not(table: pd.DataFrame, load: LoadMode, outcome: str, text: str) -> None:
-    found = checked(table, None, load)
+def test_a_force_shows_its_direction_or_why_not(
+    cylinder: Cylinder, table: pd.DataFrame, load: LoadMode, outcome: str, text: str
+) -> None:
+    found = checked(table, cylinder, load)
     assert [each.outcome for each in found] == ([] if outcome == "ok" else [outcome])
     assert all(re.search(text, each.text) for each in found)

@@ -81,7 +81,7 @@ def test_numbers_since_a_known_date_are_dates(tmp_path: Path, epoch: Any, words:
 @pytest.mark.parametrize(
     "numbers",
     [
-        46_000.0 + 0.005 * np.arange(ROWS),  # seconds since midnight, not days
+        46_000.0 + 0.0005 * np.arange(ROWS),  # seconds since midnight, not days
         46_000.0 + np.sin(np.arange(ROWS)),
         1.9e9 + 0.005 * np.arange(ROWS),  # a date in the future
         0.005 * np.arange(ROWS),

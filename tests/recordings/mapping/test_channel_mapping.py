@@ -1,4 +1,5 @@
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
     SensorScale,
     check_mapping,
+    check_unit,
     sensor_limits,
     sensor_uncertainty,
     to_column_unit,
@@ -24,6 +26,7 @@ MAPPING = {
 }
 
 
+OWN = {"time": "s", "pressure": "Pa", "length": "m", "force": "N", "temperature": "°C"}
 COUNTS = SensorScale((0.0, 250.0), "bar", (0.0, 4095.0), bits=12)
 ABSOLUTE_LOOP, VOLTS = SensorScale((0.0, 10.0), "bara", (4.0, 20.0)), SensorScale((0.0, 3000.0), "psi", (0.5, 4.5))
 POSITION_LOOP, COUNTED = (SensorScale((0.0, 300.0), "mm", signal) for signal in ((4.0, 20.0), (0.0, 4095.0)))
@@ -87,6 +90,15 @@ def test_wrong_mapping_is_refused(column: str, change: dict[str, Any], message: 
         check_mapping(MAPPING | {column: ChannelMapping.from_dict({"channel": "a", "unit": unit, **change})})
 
 
+@pytest.mark.parametrize("quantity", OWN)
+def test_an_unknown_unit_is_answered_with_the_units_of_the_guide(quantity: str) -> None:
+    guide = (Path(__file__).parents[3] / "docs/logger-files.md").read_text(encoding="utf-8")
+    column = next(column for column in QUANTITIES if QUANTITIES[column] == quantity)
+    with pytest.raises(RecordingError, match="unit 'furlong' is not known; expected one of ") as refused:
+        check_unit(column, "furlong")
+    assert f"`{str(refused.value).partition('one of ')[2].replace(',', '')}`" in guide
+
+
 @pytest.mark.parametrize("column", ["time_s", "pressure_1_pa", "position_m"])
 def test_mapping_without_a_required_column_is_refused(column: str) -> None:
     with pytest.raises(RecordingError, match=f"'{column}' has no channel; name the logger's channel"):
@@ -136,9 +148,6 @@ def test_accuracy_is_rectangular(sensor: SensorScale, zero_pa: float, span: floa
     ((column, stated),) = sensor_uncertainty(mapping).items()
     assert column == "pressure_1_pa"
     assert (stated.zero, stated.span, stated.resolution) == pytest.approx((zero_pa, span, resolution_pa))
-
-
-OWN = {"time": "s", "pressure": "Pa", "length": "m", "force": "N", "temperature": "°C"}
 
 
 @pytest.mark.parametrize("column", QUANTITIES)

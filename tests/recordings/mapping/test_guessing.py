@@ -106,7 +106,7 @@ def test_units_are_taken_from_the_file_or_guessed_and_signals_get_a_sensor_to_fi
     values = {"t": 1e3 * TIME, "p1": 40.0 * STROKE, "p2": 30.0 * STROKE, "x": 0.2 * STROKE}
     text = text_of(values, {"p1": "MPa"})
     assert [entry["unit"] for entry in channels_of(text).values()] == ["ms", "MPa", "MPa", "m"]
-    assert "unit MPa from the file" in comment_of(text, "pressure_1_pa")
+    assert "unit MPa as stated" in comment_of(text, "pressure_1_pa")
     assert "values 0 to 30 fit MPa" in comment_of(text, "pressure_2_pa")
     assert "CHECK: the unit is stated nowhere; bar or psi would fit too" in comment_of(text, "pressure_2_pa")
     text = text_of(values, {"p1": "V", "p2": "mA"})

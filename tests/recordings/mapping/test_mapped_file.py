@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import MappedFile, map_signals
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.aligning import align
@@ -123,18 +123,20 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
 
 
 @pytest.mark.parametrize("name", ["t", "Time_ms"])
-def test_numbers_since_a_known_date_are_dates_in_spite_of_another_unit(tmp_path: Path, name: str) -> None:
-    def read(channel: str, stamps: Any) -> MappedFile:
+def test_numbers_since_a_known_date_are_dates_unless_another_unit_is_stated(tmp_path: Path, name: str) -> None:
+    def read(channel: str, stamps: Any, unit: str) -> MappedFile:
         pd.DataFrame({**PLC, "t10 [ms]": 0, "t": stamps}).rename(columns={"t": channel}).to_csv(tmp_path / "log.csv")
-        return map_signals(read_logged_file(tmp_path / "log.csv"), MAPPING | {"time_s": ChannelMapping(channel, unit)})
+        mapping = MAPPING | {"time_s": ChannelMapping(channel, unit)}
+        return map_signals(read_logged_file(tmp_path / "log.csv", wanted=wanted_channels(mapping)), mapping)
 
-    unit = "us"
-    mapped = read(name, 1_773_476_100_000 + 5 * ROWS)
-    assert mapped.start is not None
-    assert mapped.start.text() == "2026-03-14T08:15:00.000Z"
-    np.testing.assert_array_equal(mapped.signals["position_m"].time_s, 5 * ROWS / 1e3)
-    unit = "s"  # since midnight; in days, it would be a date, too
-    assert read(f"{name} [s]", 46_000.0 + 0.0005 * ROWS).signals["position_m"].time_s[1] == 46_000.0005
+    for unit in ("ms", "s"):  # a log has no 56,000 years
+        mapped = read(name, 1_773_476_100_000 + 5 * ROWS, unit)
+        assert mapped.start is not None
+        assert mapped.start.text() == "2026-03-14T08:15:00.000Z"
+        np.testing.assert_array_equal(mapped.signals["position_m"].time_s, 5 * ROWS / 1e3)
+    for channel, step_s in ((f"{name} [s]", 5e-6), (name, 5e-6), (name, 0.0005)):  # in days, it would be a date, too
+        stamps_s = 46_000.0 + step_s * ROWS
+        np.testing.assert_array_equal(read(channel, stamps_s, "s").signals["position_m"].time_s, stamps_s)
 
 
 def test_a_start_in_the_future_is_not_stated() -> None:

@@ -55,51 +55,41 @@ def test_what_needs_nothing_passes_bit_for_bit(time_s: np.ndarray, rate_hz: floa
         assert piece.columns[column].tobytes() == expected.tobytes()
 
 
-ROWS_OF_PIECES = {
-    "one sample lost": (
-        without([100]),
-        [2000],
-        ["time: 1 lost sample interpolated (at most 1 in a row, first after 0.495 s)"],
-    ),
-    "three lost": (
-        without([100, 101, 102]),
-        [100, 1897],
-        ["time: split at 1 gap of more than 2 lost samples (first: 0.02 s after 0.495 s)"],
-    ),
-    "a short stretch between two gaps": (
-        without([*range(100, 110), *range(115, 130)]),
-        [100, 1870],
-        ["time: split at 2 gaps of more than 2 lost samples (first: 0.055 s after 0.495 s)"],
-    ),
-    "ten values missing": (
-        missing(list(range(500, 510))),
-        [500, 1490],
-        ["time: split at 1 gap of more than 2 lost samples (first: 0.055 s without b after 2.495 s)"],
-    ),
-    "restart": (
-        one(np.where(np.arange(ROWS) < 1000, EVEN_S, EVEN_S - 5.0)),
-        [1000, 1000],
-        ["time: split at 1 restart of the clock (first: row 1001, from 4.995 to 0 s)"],
-    ),
-    "lost from stamps in milliseconds": (
-        one(np.delete(np.round(np.arange(ROWS) / 300.0, 3), [700]), np.delete(NOISE, [700])),
-        [2000],
-        ["time: 1 lost sample interpolated (at most 1 in a row, first after 2.33 s)"],
-    ),
-    "table of another clock": (
-        {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[:1500].copy(), NOISE[:1500])},
-        [1500],
-        ["time: 0 s at the start and 2.5 s at the end left out, not covered by every column"],
-    ),
-}
+RESTARTED = np.where(np.arange(ROWS) < 1000, EVEN_S, EVEN_S - 5.0)
+IN_MILLISECONDS = np.delete(np.round(np.arange(ROWS) / 300.0, 3), [700])
+GAP = "of more than 2 lost samples (first:"
+OTHER_CLOCK = {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[:1500].copy(), NOISE[:1500])}
 
 
-@pytest.mark.parametrize("name", ROWS_OF_PIECES)
-def test_damaged_time(name: str) -> None:
-    columns, lengths, repairs = ROWS_OF_PIECES[name]
+@pytest.mark.parametrize(
+    ("columns", "lengths", "repair"),
+    [
+        (without([100]), [2000], "1 lost sample interpolated (at most 1 in a row, first after 0.495 s)"),
+        (
+            without([100, 101, 102]),
+            [100, 1897],
+            f"split at 1 gap {GAP} 0.02 s after 0.495 s)",
+        ),
+        (
+            without([*range(100, 110), *range(115, 130)]),
+            [100, 1870],
+            f"split at 2 gaps {GAP} 0.055 s after 0.495 s)",
+        ),
+        (
+            missing(list(range(500, 510))),
+            [500, 1490],
+            f"split at 1 gap {GAP} 0.055 s without b after 2.495 s)",
+        ),
+        (one(RESTARTED), [1000, 1000], "split at 1 restart of the clock (first: row 1001, from 4.995 to 0 s)"),
+        (one(IN_MILLISECONDS), [2000], "1 lost sample interpolated (at most 1 in a row, first after 2.33 s)"),
+        (OTHER_CLOCK, [1500], "0 s at the start and 2.5 s at the end left out, not covered by every column"),
+    ],
+    ids=["one lost", "three lost", "short between gaps", "values missing", "restart", "milliseconds", "another clock"],
+)
+def test_damaged_time(columns: dict[str, Signal], lengths: list[int], repair: str) -> None:
     pieces = align(columns, TimeRules())
     assert [len(piece.columns["time_s"]) for piece in pieces] == lengths
-    assert list(pieces[0].metadata.repairs) == repairs
+    assert pieces[0].metadata.repairs == (f"time: {repair}",)
     for piece in pieces:
         assert all(np.isfinite(values).all() for values in piece.columns.values())
         logged = set(columns["a"].values)

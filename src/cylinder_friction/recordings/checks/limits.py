@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Self, get_args
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.recording import RecordingError, expect
 
 
@@ -17,11 +18,7 @@ class StatedLoad:
 
     @classmethod
     def parsed(cls, text: str) -> Self:
-        """Parse a load written as ``4218`` or ``4218+-40``, in newtons.
-
-        Raises:
-            RecordingError: The text has neither form.
-        """
+        """Parse a load written as ``4218`` or ``4218+-40``, in newtons."""
         force, _, within = text.replace("±", "+-").partition("+-")
         try:
             force_n, within_n = float(force), float(within or 0.0)
@@ -29,8 +26,7 @@ class StatedLoad:
             force_n = within_n = math.nan
         if not (math.isfinite(force_n) and 0.0 <= within_n < math.inf):
             raise RecordingError(
-                f"load: got {text!r}, expected none, measured, position, or a constant load in newtons: 4218 or "
-                "4218+-40"
+                f"load: got {text!r}, expected none, measured, position, or a constant load in newtons, as 4218+-40"
             )
         return cls(force_n, within_n)
 
@@ -69,21 +65,14 @@ class CheckRules:
 class CheckLimits(CheckRules):
     """Limits for one cylinder."""
 
-    stroke_m: float  # Length of travel [m]
-    areas_m2: tuple[float, float] | None = None  # A1 and A2 [m²]; without them the force balance is not checked
+    cylinder: Cylinder
     load: LoadMode = "none"
     steps: Mapping[str, float] = field(default_factory=dict)  # Converter step of each column, in the column's unit
-    rod_diameter_1_m: float = 0.0  # Diameter of the rod on side 1 [m]; 0 without one
     stated_load: StatedLoad | None = None  # A constant load, used in place of a load cell
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        expect(0.0 < self.stroke_m < math.inf, "stroke_m", "a positive number", self.stroke_m)
         expect(self.load in get_args(LoadMode), "load", "none, measured or position", self.load)
-        if self.areas_m2 is not None:
-            bore_m2 = self.areas_m2[0] + math.pi / 4.0 * self.rod_diameter_1_m**2
-            expected = f"more than 0 and less than the bore's area ({bore_m2} m²)"
-            expect(0.0 < self.areas_m2[1] < bore_m2, "annulus area", expected, self.areas_m2[1])
 
 
 Outcome = Literal["ok", "noted", "repaired", "refused"]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, median, quantile
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode, Outcome
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 
@@ -70,15 +71,19 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
 
     A recording is refused only if friction clearly drives the motion, or if forces balance far better with signals
     swapped or inverted. A finding that an unstated load or offset could explain is only noted.
-
-    Args:
-        columns: Columns of a uniformly sampled recording in SI units, without NaN.
-        sample_time_s: Its sample time [s].
-        limits: Limits of its cylinder, with load and areas; without areas only a ``drive_force_n`` can be checked.
+    ``columns`` are uniformly sampled, in SI units, without NaN.
     """
-    rows, direction = _clear_motion(columns[POSITION], sample_time_s, limits.stroke_m)
+    rows, direction = _clear_motion(columns[POSITION], sample_time_s, limits.cylinder.stroke_m)
     shape = _position_terms(columns[POSITION][rows])
-    if problem := _undecidable(columns, direction, shape, limits):
+    fewest = int(min(np.count_nonzero(direction > 0.0), np.count_nonzero(direction < 0.0)))
+    problem = ""
+    if limits.load == "measured" and LOAD_FORCE not in columns:
+        problem = f"{LOAD_FORCE} is not recorded, though the load is to be measured"
+    elif fewest < FEWEST_ROWS:
+        problem = f"the piston moves clearly in both directions in {fewest} rows only, expected {FEWEST_ROWS} each"
+    elif np.var(_beyond(shape, direction)) < LEAST_OVERLAP * np.var(direction):
+        problem = "extension and retraction hardly pass the same positions"
+    if problem:
         return [Finding("direction", "noted", f"whether friction opposes the motion cannot be decided: {problem}")]
     load, load_n = limits.load, columns[LOAD_FORCE][rows] if limits.load == "measured" else np.zeros(len(rows))
     if DRIVE_FORCE in columns:
@@ -86,17 +91,22 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
         as_is, turned = _balances(direction, shape, drive_n - load_n, drive_n + load_n)
         remedy = f"change the sign of position_m or of {DRIVE_FORCE} in the mapping"
         return _inverted_load(as_is, turned, load) or _opposing(as_is, load, remedy)
-    assert limits.areas_m2 is not None
-    (a1, a2), (p1, p2) = limits.areas_m2, (columns[name][rows] for name in PRESSURES)
+    a1, a2 = limits.cylinder.piston_area_m2, limits.cylinder.annulus_area_m2
+    p1, p2 = (columns[name][rows] for name in PRESSURES)
     drive_n, exchanged_n = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
     forces = drive_n - load_n, exchanged_n - load_n, drive_n + load_n, (p1 - p2) * a2
     as_is, swapped, turned, alike = _balances(direction, shape, *forces)
     findings = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
     if any(each.outcome == "refused" for each in findings):
         return findings
-    if load == "none" and not limits.rod_diameter_1_m:
-        findings = [replace(each, text=each.text + _second_rod(as_is, alike)) for each in findings]
-    return findings + _size(as_is, limits.areas_m2, limits.rod_diameter_1_m)
+    explained = as_is.weaker_n <= 0.0 < 0.5 * alike.friction_n < alike.weaker_n  # by equal areas
+    if explained and load == "none" and not limits.cylinder.rod_diameter_1_m:
+        rods = (
+            f"; with equal areas it is {alike.extending_n:.3g} and {alike.retracting_n:.3g} N: if the cylinder has a "
+            "rod on both sides, state the second one too (rod_diameter_1_m)"
+        )
+        findings = [replace(each, text=each.text + rods) for each in findings]
+    return findings + _size(as_is, limits.cylinder)
 
 
 def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> tuple[NDArray[np.int64], Array]:
@@ -129,24 +139,6 @@ def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> t
     return rows[clear], np.sign(moved[clear])
 
 
-def _undecidable(columns: Mapping[str, Array], direction: Array, shape: Array, limits: CheckLimits) -> str:
-    """State why the force balance cannot show the direction of friction; empty if it can."""
-    if limits.areas_m2 is None and DRIVE_FORCE not in columns:
-        return "the areas of the cylinder are not known"
-    if limits.load == "measured" and LOAD_FORCE not in columns:
-        return f"{LOAD_FORCE} is not recorded, though the load is to be measured"
-    fewest = int(min(np.count_nonzero(direction > 0.0), np.count_nonzero(direction < 0.0)))
-    if fewest < FEWEST_ROWS:
-        return f"the piston moves clearly in both directions in {fewest} rows only, expected {FEWEST_ROWS} each"
-    unexplained = float(np.var(_beyond(shape, direction)) / np.var(direction))
-    return "extension and retraction hardly pass the same positions" if unexplained < LEAST_OVERLAP else ""
-
-
-def _beyond(shape: Array, values: Array) -> Array:
-    """Compute the part of values, shape ``(n, ...)``, that the position does not explain."""
-    return np.asarray(values - shape @ (shape.T @ values))
-
-
 def _position_terms(position_m: Array) -> Array:
     """Combine the powers 0 to 3 of positions to orthonormal terms, shape ``(n, 4)``, fewer if rows determine fewer."""
     if not len(position_m):
@@ -154,6 +146,11 @@ def _position_terms(position_m: Array) -> Array:
     scaled = (position_m - position_m.mean()) / max(float(np.std(position_m)), 1e-12)
     terms, sizes, _ = np.linalg.svd(np.vander(scaled, 4), full_matrices=False)
     return np.asarray(terms[:, sizes > NEGLIGIBLE * sizes[0]])
+
+
+def _beyond(shape: Array, values: Array) -> Array:
+    """Compute the part of values, shape ``(n, ...)``, that the position does not explain."""
+    return np.asarray(values - shape @ (shape.T @ values))
 
 
 def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
@@ -195,14 +192,12 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> list[Finding
             "pressure_2_pa" + (", and change the sign of position_m" if also else "")
         )
         return [Finding("direction", "refused", text)]
-    if as_is.drives and 1.0 / ratio > BETTER:
-        text = (
-            f"position_m is inverted, or both pressures are: {as_is.in_words()}, so friction would drive the piston; "
-            "expected it to oppose the motion; correct in the mapping what is inverted: write sign: -1 and, as offset, "
-            "what its sensor reads with the rod in or without pressure (position_m must grow while the rod extends)"
-        )
-        return [Finding("direction", "refused", text)]
-    remedy = "position_m is inverted, both pressures are inverted, or they are swapped; check all three"
+    remedy = (
+        "position_m is inverted, or both pressures are: correct what is inverted in the mapping by sign: -1 and, as "
+        "offset, what its sensor reads with the rod in or without pressure (position_m must grow while the rod extends)"
+        if 1.0 / ratio > BETTER
+        else "position_m is inverted, both pressures are inverted, or they are swapped; check all three"
+    )
     return _opposing(as_is, load, remedy)
 
 
@@ -227,21 +222,10 @@ def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> list[Finding]:
     return []
 
 
-def _second_rod(as_is: Balance, alike: Balance) -> str:
-    """Advise to state a second rod if equal areas explain an apparent load; else empty."""
-    if as_is.weaker_n > 0.0 or not 0.0 < 0.5 * alike.friction_n < alike.weaker_n:
-        return ""
-    return (
-        f"; with equal areas it is {alike.extending_n:.3g} and {alike.retracting_n:.3g} N: if the cylinder has a rod "
-        "on both sides, state the second one too (rod_diameter_1_m)"
-    )
-
-
-def _size(as_is: Balance, areas_m2: tuple[float, float], rod_1_m: float) -> list[Finding]:
+def _size(as_is: Balance, cylinder: Cylinder) -> list[Finding]:
     """Relate friction to the length of the seals, which shows pressures in a wrong unit."""
-    bore_m2 = areas_m2[0] + math.pi / 4.0 * rod_1_m**2
-    bore_m, rod_m = (math.sqrt(4.0 * area / math.pi) for area in (bore_m2, bore_m2 - areas_m2[1]))
-    gradient = as_is.friction_n / (math.pi * (bore_m + rod_m + rod_1_m) * 1e3)
+    diameters_m = cylinder.bore_diameter_m + cylinder.rod_diameter_m + cylinder.rod_diameter_1_m
+    gradient = as_is.friction_n / (math.pi * diameters_m * 1e3)
     text = f"friction is {gradient:.3g} N per millimetre of seal ({as_is.friction_n:.3g} N)"
     outcome: Outcome = "noted"
     if as_is.friction_n <= 0.0:

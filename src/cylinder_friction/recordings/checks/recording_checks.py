@@ -28,7 +28,6 @@ LEAST_SPANS = {"pressure": 1e3, "force": 1e-3}
 """Least change of a live sensor on a moving cylinder [Pa, N]."""
 NOISY_SHARE = 0.25  # Share of rows with a change from which on a sensor shows noise and never stays constant for long
 NEXT_STEP = 1.5  # Largest distance of neighbouring values, in converter steps
-CHECK = "position_steps"
 NOISE, STROKES = 12.0, 2e-3
 """Limits above which a second difference is a fault: a multiple of the usual one, and a share of the stroke."""
 TOGETHER_S = 0.3  # Longest time between faults that count as one [s]
@@ -51,17 +50,12 @@ RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within
 
 
 def checked_recording(piece: Recording, limits: CheckLimits) -> Recording:
-    """Check a piece of a log; findings that are only noted join its repairs.
-
-    Raises:
-        RecordingError: The first finding that is a refusal, see ``inspect_recording``.
-    """
+    """Check a piece of a log; findings that are only noted join its repairs."""
     noted = []
     for finding in inspect_recording(piece.columns, limits, piece.sample_time_s):
         if finding.outcome == "refused":
             raise RecordingError(finding.text)
-        if finding.outcome == "noted":
-            noted.append(finding.text)
+        noted.append(finding.text)
     return Recording(replace(piece.metadata, repairs=(*piece.metadata.repairs, *noted)), piece.columns)
 
 
@@ -120,8 +114,8 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
     The names of the checks, in their order: ``length``, ``rate``, ``position_range``, ``motion``, ``position_steps``;
     for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for both ``pressures_differ`` and
     ``unit_plausible``; with a drive force ``force_alive`` and ``force_stuck`` instead; ``load_alive`` and
-    ``load_stuck``; ``direction`` and ``friction_size``. The last two are checked only if the areas are known and the
-    signals have passed the other checks.
+    ``load_stuck``; ``direction`` and ``friction_size``. The last two are checked only if the signals have passed the
+    other checks.
     """
     rows, least_s, least_hz = len(columns[POSITION]), limits.minimum_duration_s, limits.minimum_rate_hz
     duration_s, rate_hz = rows * sample_time_s, 1.0 / sample_time_s
@@ -150,13 +144,12 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
     if LOAD_FORCE in columns and limits.load == "measured" and limits.stated_load is None:
         findings += _of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits)
     yield from findings
-    valid = all(finding.outcome != "refused" for finding in findings)
-    if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
+    if all(finding.outcome != "refused" for finding in findings):
         yield from check_friction(columns, sample_time_s, limits)
 
 
 def _of_position(columns: Columns, of_columns: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
-    seen, stroke_m, slack_m = of_columns[POSITION], limits.stroke_m, POSITION_SLACK * limits.stroke_m
+    seen, stroke_m, slack_m = of_columns[POSITION], limits.cylinder.stroke_m, POSITION_SLACK * limits.cylinder.stroke_m
     if seen.lowest < -slack_m or seen.highest > stroke_m + slack_m:
         value, row = seen.worst(0.0, stroke_m)
         advice = "its unit (mm read as m?)"
@@ -230,7 +223,7 @@ def _alive(name: str, kind: str, seen: _Survey, limits: CheckLimits) -> Iterator
         "; the sensor is stuck or at the end of its range, or its values are rounded: then state its range and bits "
         "as its sensor in the mapping"
     )
-    yield from seen.stuck(name, f"{kind}_stuck", unit, limits.stroke_m, remedy)
+    yield from seen.stuck(name, f"{kind}_stuck", unit, limits.cylinder.stroke_m, remedy)
 
 
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
@@ -240,7 +233,7 @@ def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Find
         yield Finding("load_alive", "noted", text)
     elif np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * (len(load_n) - (seen.stuck_to - seen.stuck_from)):
         remedy = ", and changes from row to row elsewhere; the load cell or its amplifier was stuck; cut the log there"
-        yield from seen.stuck(LOAD_FORCE, "load_stuck", "N", limits.stroke_m, remedy)
+        yield from seen.stuck(LOAD_FORCE, "load_stuck", "N", limits.cylinder.stroke_m, remedy)
 
 
 def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> list[Finding]:
@@ -248,10 +241,6 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
 
     Small jumps, slight disturbances, single bad samples, and a value without the noise that the sensor has elsewhere
     are only noted.
-
-    Args:
-        position_m, time_s: Columns of a uniformly sampled recording, shape ``(n,)``.
-        stroke_m: Stroke of the cylinder [m].
     """
     step_s = float(time_s[1] - time_s[0])
     bend_m = np.abs(np.diff(position_m, 2))
@@ -267,7 +256,8 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
         alike = [(row, words) for row, words, own in found if words and own == outcome]
         if alike:
             more = f" (first of {len(alike)} such faults)" if len(alike) > 1 else ""
-            return [Finding(CHECK, outcome, f"position_m {alike[0][1]}, in row {alike[0][0] + 1}{more}; {advice}")]
+            text = f"position_m {alike[0][1]}, in row {alike[0][0] + 1}{more}; {advice}"
+            return [Finding("position_steps", outcome, text)]
     if found:
         text = (
             f"position_m has {len(found)} single samples that no piston can follow (first: row {found[0][0] + 1}, at "
@@ -276,7 +266,7 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
     else:
         text = _noisy(position_m, time_s, max(16, round(NOISY_S / step_s)), stroke_m)
         text = text or _still(position_m, time_s, max(2, round(STILL_S / step_s)), stroke_m)
-    return [Finding(CHECK, "noted", text)] if text else []
+    return [Finding("position_steps", "noted", text)] if text else []
 
 
 def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
@@ -297,8 +287,7 @@ def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
     begin, end = time_s[noisy[0] * rows], time_s[min((noisy[-1] + 1) * rows, len(time_s) - 1)]
     return (
         f"position_m has {float(np.median(level_m[noisy])) / usual_m:.2g} times its usual noise between {begin:.2f} "
-        f"and {end:.2f} s; velocity and friction are wrong there; check the sensor and its cable, and leave this time "
-        "out"
+        f"and {end:.2f} s; velocity and friction are wrong there; check the sensor and its cable"
     )
 
 

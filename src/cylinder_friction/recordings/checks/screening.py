@@ -54,10 +54,6 @@ def screen_signals(
     A signal without a bad sample is returned as the same object. Missing samples stay missing. Without ``limits``, only
     spikes and infinities are found. A position sensor may rest at the end of its range if that is the end of the
     stroke.
-
-    Raises:
-        RecordingError: Too many samples of one kind are bad, in all or in a row. The message names the column and the
-            first bad row, counted from 1.
     """
     screened, notes = dict(signals), list[str]()
     for column, signal in signals.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
@@ -195,8 +195,7 @@ def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
         return False
     raise RecordingError(
         f"channel {name!r}: {text[unsettled].as_py()!r} may have the day or the month first, and no row settles it; "
-        "expected dates with one reading: let the logger write ISO 8601 (2026-12-31 08:15:00), or rewrite the channel "
-        "so"
+        "expected dates with one reading: write them as in ISO 8601 (2026-12-31 08:15:00)"
     )
 
 
@@ -263,8 +262,8 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
 
 EARLIEST_S = 946_684_800
 """Earliest credible date of a log, the year 2000 [s since 1970]."""
-LONGEST_STEP_S = 60.0
-"""Longest credible time between two rows of a log [s]."""
+LONGEST_STEP_S, LONGEST_OF_DAYS_S = 60.0, 1.0
+"""Longest credible time between two rows of a log [s]; if days are counted, which may be seconds of a faster log."""
 NEVER_FALLS = 0.99
 """Least share of a clock's steps that do not fall."""
 
@@ -278,10 +277,6 @@ class Epoch:
     of_1970: int  # Number of the first moment of 1970
     since: str  # Date that it counts from, for messages
     utc: bool  # Whether it is in UTC; otherwise it is local time
-
-    def holds(self, number: float, latest_s: float) -> bool:
-        """Check whether a number is a date between 2000 and ``latest_s`` [s since 1970]."""
-        return EARLIEST_S < (number - self.of_1970) * self.unit_ns * 1e-9 < latest_s
 
     def stamps(self, numbers: NDArray[Any]) -> NDArray[np.datetime64]:
         """Convert numbers to ``datetime64[ns]``; NaN becomes NaT."""
@@ -319,27 +314,36 @@ def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
         return None
     latest_s, ends = _tomorrow_s(), (float(known[0]), float(known[-1]))
     epochs = (*EPOCHS, WINCC) if name.casefold() == "time_ms" else EPOCHS
-    found = next((each for each in epochs if all(each.holds(end, latest_s) for end in ends)), None)
-    if found is None:
+    for found in epochs:
+        if all(EARLIEST_S < (end - found.of_1970) * found.unit_ns * 1e-9 < latest_s for end in ends):
+            break
+    else:
         return None
     mean_s = abs(ends[1] - ends[0]) / (len(known) - 1) * found.unit_ns * 1e-9
-    return found if way_of(known) and 0.0 < mean_s <= LONGEST_STEP_S else None
+    longest_s = LONGEST_OF_DAYS_S if found.unit_ns == DAY_NS else LONGEST_STEP_S
+    return found if way_of(known) and 0.0 < mean_s <= longest_s else None
 
 
 def _tomorrow_s() -> float:
     return (datetime.now(UTC) + timedelta(days=1)).timestamp()
 
 
-DAY = np.timedelta64(1, "D")
 MILLISECONDS = ("ms", "msec", "millisecond", "milliseconds", "millisekunden")
 """Names of a column that holds the milliseconds of a stamp beside it."""
 FEWEST_ROWS = 20
 """Fewest rows that show an order; in fewer, the order may be chance."""
 
 
-def beside_clocks(names: Collection[str]) -> set[str]:
-    """Name the columns that may be a part of a time stamp: dates, times of day, milliseconds."""
-    return {name for name in names if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
+def names_to_read(names: Iterable[str], wanted: Collection[str] | None) -> set[str]:
+    """Choose the channels of a table to read: those wanted (None: all), and with them all that may be time.
+
+    What may be time is a part of a stamp (dates, times of day, milliseconds), or must not contradict the clock.
+    """
+    there = set(names)
+    if wanted is None or there.isdisjoint(wanted):
+        return there if wanted is None else set()
+    clocks = {name for name in there if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
+    return clocks | there.intersection(wanted)
 
 
 class Columns(NamedTuple):
@@ -375,14 +379,14 @@ def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collectio
 def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
     """Join dates with times of day; ``clocks`` names the columns of times of day, which are in seconds."""
     dates = [name for name, values in columns if values.dtype.kind == "M"]
-    days = [name for name, values in columns if name in dates and _known(values, DAY)]
+    days = [name for name, values in columns if name in dates and _known(values, np.timedelta64(1, "D"))]
     found = dict(columns)
     if len(days) == 1 and len(clocks) == 1:
         (day,), (clock,) = days, clocks
         seconds = np.rint(1e9 * found[clock])
         stamps = found[day] + np.where(np.isfinite(seconds), seconds, np.iinfo(np.int64).min).astype("timedelta64[ns]")
-        kept = day if wanted and day in wanted and clock not in wanted else clock
-        return _in_place(columns, {day, clock}, stamps, kept)
+        kept, joined = (day, clock) if wanted and day in wanted and clock not in wanted else (clock, day)
+        return [(name, stamps if name == kept else own) for name, own in columns if name != joined]
     parts = [
         name
         for name, values in columns
@@ -391,7 +395,7 @@ def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[s
     seconds_of = [name for name in dates if name not in days and _known(found[name], np.timedelta64(1, "s"))]
     if len(seconds_of) == 1 and len(parts) == 1 and (wanted is None or seconds_of[0] in wanted):
         stamps = found[seconds_of[0]] + found[parts[0]].astype("timedelta64[ms]")
-        return _in_place(columns, {seconds_of[0], parts[0]}, stamps, seconds_of[0])
+        return [(name, stamps if name == seconds_of[0] else own) for name, own in columns if name != parts[0]]
     return columns
 
 
@@ -401,12 +405,11 @@ def _known(stamps: NDArray[Any], step: np.timedelta64) -> bool:
     return len(known) > 0 and not (known % step.astype("timedelta64[ns]").astype(np.int64)).any()
 
 
-def _in_place(columns: list[Column], old: set[str], stamps: NDArray[Any], name: str) -> list[Column]:
-    return [(other, stamps if other == name else values) for other, values in columns if other not in old - {name}]
+def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
+    """Convert a table's numbers of days, seconds or ticks since a known date to dates, and note which.
 
-
-def with_dates(table: LoggedTable) -> LoggedTable:
-    """Convert a table's numbers of days, seconds or ticks since a known date to dates, and note which."""
+    Numbers with another unit of time, ``stated`` by a mapping or by the file, stay numbers if they are credible in it.
+    """
     dates: dict[str, NDArray[Any]] = {}
     notes, utc = [], table.utc
     for name, values in table.channels.items():
@@ -414,8 +417,9 @@ def with_dates(table: LoggedTable) -> LoggedTable:
         epoch = epoch_of(numbers, name)
         if epoch is None or (table.channels.columns == name).sum() > 1:
             continue
-        unit = conversion(table.units.get(name, ""), "time")
-        if unit and not math.isclose(unit[0], 1e-9 * epoch.unit_ns) and abs(float(numbers[0])) * unit[0] < LATEST_S:
+        unit = conversion(stated.get(name) or table.units.get(name, ""), "time")
+        other = unit is not None and epoch is not WINCC and not math.isclose(unit[0], 1e-9 * epoch.unit_ns)
+        if unit and other and abs(float(numbers[0])) * unit[0] < LATEST_S:
             continue
         dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
         notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")
@@ -444,14 +448,9 @@ def oldest_first(table: LoggedTable) -> LoggedTable:
     return replace(table, channels=turned, notes=(*table.notes, "its newest row comes first; turned round"))
 
 
-def steps_of(values: NDArray[Any]) -> NDArray[Any]:
-    """Compute the differences of numbers or dates, without missing ones."""
-    known = values[~pd.isna(values)]
-    return np.diff(known.astype(np.int64) if known.dtype.kind in "Miu" else known)
-
-
 def way_of(values: NDArray[Any]) -> int:
     """Return 1 if values hardly ever fall, -1 if they hardly ever rise, else 0, also if they are constant."""
-    steps = steps_of(values)
+    known = values[~pd.isna(values)]
+    steps = np.diff(known.astype(np.int64) if known.dtype.kind in "Miu" else known)
     rises, falls = ((way * steps > 0).any() and (way * steps >= 0).mean() >= NEVER_FALLS for way in (1, -1))
     return int(rises) - int(falls)

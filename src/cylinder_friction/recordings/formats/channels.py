@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from cylinder_friction.recordings.formats.cells import names_to_read
 from cylinder_friction.recordings.formats.format import LoggedTable, named_columns
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.recording import RecordingError
@@ -68,8 +69,7 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
     if not found.channels:
         got = f"; got {', '.join(found.others[:20])}" if found.others else ""
         raise RecordingError(
-            f"holds no channels{got}; expected vectors of numbers (save MATLAB's timeseries and table objects as "
-            "plain arrays)"
+            f"holds no channels{got}; expected vectors of numbers (save MATLAB's timeseries and tables as arrays)"
         )
     timed = {each.length for each in found.channels if words_of(each.name.rsplit(separator, 1)[-1]).quantity == "time"}
     groups: dict[tuple[int, float | None], list[Channel]] = {}
@@ -92,17 +92,13 @@ def table_of(
     start_s: float = 0.0,
     others: Sequence[str] = (),
 ) -> LoggedTable:
-    """Read channels of one length as a table, with a channel ``time`` [s] first if a sample time is given.
-
-    Channels named time are always loaded, to check that they do not contradict the clock.
-    """
+    """Read channels of one length as a table, with a channel ``time`` [s] first if a sample time is given."""
     if sample_time_s is not None:
         length, step = channels[0].length, sample_time_s
         channels = [Channel("time", length, lambda: start_s + np.arange(length) * step, "s"), *channels]
-    asked = [channel for channel in channels if wanted is None or channel.name in wanted]
-    loaded = [each for each in channels if each in asked or (asked and words_of(each.name).quantity == "time")]
-    unread = [channel.name for channel in channels if channel not in loaded]
-    table = named_columns([(channel.name, channel.read()) for channel in loaded])
+    read = names_to_read([channel.name for channel in channels], wanted)
+    unread = [channel.name for channel in channels if channel.name not in read]
+    table = named_columns([(channel.name, channel.read()) for channel in channels if channel.name in read])
     units = {channel.name: channel.unit for channel in channels if channel.unit}
     return LoggedTable(table, units, name, (*unread, *others))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -18,12 +18,12 @@ import pyarrow.csv as pa_csv
 
 from cylinder_friction.recordings.formats.cells import (
     MISSING,
-    beside_clocks,
     columns_of,
     holds_decimal_commas,
     is_missing,
     is_number,
     is_value,
+    names_to_read,
     start_in_header,
     way_of,
 )
@@ -44,7 +44,6 @@ from cylinder_friction.recordings.mapping.channel_mapping import KNOWN, unit_in_
 from cylinder_friction.recordings.recording import RecordingError, Start
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
-MOST_COLUMNS = 10_000  # Most columns of a text table
 LOOKED_AT = 100
 _LEAST_SCORE = 0.3
 _FEWEST_LINES, _USUAL_LINES = 20, 500
@@ -71,10 +70,6 @@ def read_delimited(
 
     A file with several time columns of one name gives a table for each, with the channels after it. A file with many
     more than ``rows`` rows is read in equal parts of about ``rows`` whole lines, so that memory holds only one part.
-
-    Raises:
-        RecordingError: The file is not such a table: it has another encoding, no rows of numbers, a line with more or
-            fewer values than the others, or ambiguous dates.
     """
     text = open_text(source, csv.encoding)
     lines, layout = _first_lines(text, csv)
@@ -95,12 +90,8 @@ def read_delimited(
         bounds.append(_line_end(text, bounds[-1] + step))
     whole, *later = (_Rows(text, layout, start, begin, *each) for each in pairwise(bounds))
     first, *others = whole.tables(wanted)
-    more = partial(_tables, later, wanted) if later else None
+    more = (lambda: (part.tables(wanted)[0] for part in later)) if later else None
     return [replace(first, notes=(*text.notes, *first.notes), more=more, parts=parts), *others]
-
-
-def _tables(parts: Sequence[_Rows], wanted: Collection[str] | None) -> Iterator[LoggedTable]:
-    return (part.tables(wanted)[0] for part in parts)
 
 
 def _line_end(text: Text, place: int) -> int:
@@ -144,13 +135,10 @@ class _Rows:
     def tables(self, wanted: Collection[str] | None) -> list[LoggedTable]:
         """Read the wanted columns, and those that may be time: one table, or one for each time column of one name."""
         names, units = self.layout.names, self.layout.units
-        asked = set(names) if wanted is None else set(wanted) - {""}
-        unread = tuple(name for name in names if name and name not in asked)
-        if asked.isdisjoint(names):
-            return [LoggedTable(pd.DataFrame(), units, unread=unread)]
-        repeated = repeated_names(names)
-        asked |= repeated | beside_clocks(names)
-        loaded = [index for index, name in enumerate(names) if name in asked]
+        repeated, read = repeated_names(names), names_to_read(names, wanted)
+        if not read:
+            return [LoggedTable(pd.DataFrame(), units, unread=tuple(filter(None, names)))]
+        loaded = [index for index, name in enumerate(names) if name in read | repeated]
         table, ended = self._parsed(loaded, padded=bool(repeated))
         floats = any(pa.types.is_floating(column.type) for column in table.columns)
         # If the first lines have whole numbers, the decimal sign occurs only further down.
@@ -162,7 +150,8 @@ class _Rows:
             (name or f"column_{len(names)}", each) for name, each in found.columns if name or not pd.isna(each).all()
         ]
         first, *others = split_groups(columns, {**units, **found.units}, repeated)
-        unread = tuple(name for name in unread if name not in first.channels)
+        kept = {"", *first.channels, *(names if wanted is None else wanted)}
+        unread = tuple(name for name in names if name not in kept)
         first = replace(first, unread=unread, notes=(*found.notes, *filter(None, [ended])))
         return [replace(each, start=self.start, utc=found.utc) for each in (first, *others)]
 
@@ -249,10 +238,13 @@ class _Rows:
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
     """Make a table ``group 1``, ... for each time column of a ``repeated`` name; without one, make a single table.
 
-    A group ends with its last row that is not empty.
+    Time columns have rising stamps, or are empty because their channels have no samples. A group ends with its last row
+    that is not empty.
     """
     names = [name for name, _ in columns]
-    clock = next((name for name in names if name in repeated and _are_clocks(columns, name)), None)
+    found = {name: [own for other, own in columns if other == name and not pd.isna(own).all()] for name in repeated}
+    ways = {name: {way_of(each) if each.dtype.kind in "iufM" else 0 for each in own} for name, own in found.items()}
+    clock = next((name for name in names if ways.get(name) == {1}), None)
     if clock is None:
         return [LoggedTable(named_columns(columns), units)]
     starts = [index for index, name in enumerate(names) if name == clock]
@@ -260,12 +252,6 @@ def split_groups(columns: list[Column], units: dict[str, str], repeated: Collect
     frames = [named_columns(columns[start:end]) for start, end in pairwise(bounds)]
     filled = [frame[frame.notna().any(axis=1)].reset_index(drop=True) for frame in frames]
     return [LoggedTable(frame, units, f"group {number}") for number, frame in enumerate(filled, start=1) if len(frame)]
-
-
-def _are_clocks(columns: list[Column], name: str) -> bool:
-    """Check whether all columns of a name have rising stamps, or are empty because their channels have no samples."""
-    found = [values for other, values in columns if other == name and not pd.isna(values).all()]
-    return bool(found) and all(values.dtype.kind in "iufM" and way_of(values) == 1 for values in found)
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
@@ -352,10 +338,6 @@ def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None
         return None
     # Of two equally common widths the later one is taken, because a header is above the rows.
     width, _ = Counter(len(row) for row in reversed(rows)).most_common(1)[0]
-    if width > MOST_COLUMNS:
-        raise RecordingError(
-            f"has {width:,} columns, expected at most {MOST_COLUMNS:,}; export the channels of the cylinder alone"
-        )
     full = [row for row in rows if len(row) == width]
     # The upper half of a short file may be its header.
     lower = full[len(full) // 2 :]

@@ -5,10 +5,11 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
 
-from cylinder_friction.recordings.formats.delimited import MOST_COLUMNS, read_delimited
+from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.format import HEAD_SIZE, CsvOptions, FileSource, Format, LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
+MOST_COLUMNS = 10_000  # Most columns of a sheet
 _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
 
 

@@ -50,9 +50,6 @@ class LoggedTable:
     parts: int = 1  # Approximate number of parts
 
 
-HEADERS = ("auto", "names_units")
-
-
 @dataclass(frozen=True)
 class CsvOptions:
     """Options for reading a text file; everything that is ``auto`` is detected."""
@@ -67,7 +64,7 @@ class CsvOptions:
         one = self.delimiter in ("auto", "whitespace") or (len(self.delimiter) == 1 and self.delimiter not in '\r\n"')
         expect(one, "delimiter", "one character, 'whitespace' or 'auto'", self.delimiter)
         expect(self.decimal in ("auto", ".", ","), "decimal", "'.', ',' or 'auto'", self.decimal)
-        expect(self.header in HEADERS, "header", f"one of {', '.join(HEADERS)}", self.header)
+        expect(self.header in ("auto", "names_units"), "header", "one of auto, names_units", self.header)
         try:
             codecs.lookup("utf-8" if self.encoding == "auto" else self.encoding)
         except LookupError:
@@ -191,9 +188,6 @@ def open_text(source: FileSource, encoding: str) -> Text:
     A last line without a line end is left out, because its last number may be cut off. Zero bytes that a logger leaves
     when it loses power are left out, too. ``notes`` reports both. ``auto`` takes the encoding from the byte order mark;
     without one it is UTF-8, or cp1252 if the first character beyond ASCII is not UTF-8.
-
-    Raises:
-        RecordingError: The bytes are not text in that encoding, or there is no whole line.
     """
     mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
     named = BYTE_ORDER_MARKS.get(mark, "utf-8") if encoding == "auto" else encoding

@@ -24,7 +24,6 @@ LIMIT_S, LIMIT_PER_BYTE_S = 60.0, 1.0 / 2e6
 LIMIT_BYTES, LIMIT_BYTES_PER_BYTE = 4 << 30, 50
 """Memory limit for an empty file [bytes], and additional bytes per byte of the file."""
 
-
 _LOCK = threading.Lock()
 _READERS: dict[int, tuple[ProcessPoolExecutor, BaseProcess]] = {}
 """The reading process and its pool, by the id of the process that started them; a fork starts its own."""
@@ -52,9 +51,6 @@ def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, more: 
     """Read a file's tables; ``more`` contains the format's further arguments.
 
     In a daemon, which may not start processes, the file is read in the same process.
-
-    Raises:
-        RecordingError: The file is damaged, or reading it crashed the library or took too long.
     """
     size, path = path.stat().st_size, path.absolute()  # the process stays in the folder where it was started
     more = {name: value.absolute() if isinstance(value, Path) else value for name, value in more.items()}
@@ -88,14 +84,14 @@ def _begin() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
-    if parent is not None:
+    assert parent is not None
+
+    def end_with_parent() -> None:
         parent.join()
         os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 def _read(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cylinder_friction.recordings.formats.cells import names_to_read
 from cylinder_friction.recordings.formats.channels import numeric
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError, Start
@@ -44,8 +45,6 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path 
                     "FILE, or database: in the mapping)"
                 )
             tables = [_group(file, index, wanted) for index, frames in enumerate(plain) if not frames]
-    if not any(len(table.channels.columns) or table.unread for table in tables):
-        raise RecordingError("holds no channel groups; expected at least one with samples")
     return [replace(table, start=start) for table in tables]
 
 
@@ -78,10 +77,11 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
     columns: list[tuple[str, NDArray[Any]]] = []
     units: dict[str, str] = {}
     unread: list[str] = []
-    for number in sorted(range(len(group.channels)), key=lambda number: number != master):
-        name = group.channels[number].name.strip()
-        signal = None
-        if wanted is None or name in wanted:
+    names = [channel.name.strip() for channel in group.channels]
+    read = names_to_read(names, wanted)
+    for number in sorted(range(len(names)), key=lambda number: number != master):
+        name, signal = names[number], None
+        if name in read:
             signal = file.get(group=index, index=number, raw=False, ignore_invalidation_bits=True)
         if signal is None or signal.samples.dtype.kind not in "biuf" or signal.samples.ndim > 1:
             unread.append(name)

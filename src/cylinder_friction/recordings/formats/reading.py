@@ -1,6 +1,6 @@
 """Read logger files of every format through one function, which detects the format by content."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -45,11 +45,7 @@ _OWN_FILES = {
 
 
 def format_of(head: bytes, suffix: str = "") -> Format:
-    """Determine the format of a file by its first bytes.
-
-    Raises:
-        RecordingError: The file has none of these formats. By its ending ``suffix``, the message states what to export.
-    """
+    """Determine the format of a file by its first bytes."""
     found = [each for each in FORMATS.values() if head.startswith(each.starts)] or [
         each for each in FORMATS.values() if each.fits and each.fits(head)
     ]
@@ -74,13 +70,11 @@ def read_logged_file(
 
     Args:
         csv: Options for text; by default everything is detected.
-        wanted: Names of the channels to load; the others are only listed in ``unread``. None loads all.
+        wanted: Names of the channels to load; the others are only listed in ``unread``. None loads all. If a mapping
+            states their units, the units by name: numbers with a stated unit are no dates.
         database: DBC file of the bus, to decode the frames in a measurement file.
         rows: Approximate rows per part of a longer single table: the first part is returned, ``more`` reads the others.
             Text and Parquet are read part by part; large files of other formats are refused. None reads all at once.
-
-    Raises:
-        RecordingError: The file cannot be opened or read, is damaged, or has no channels with rows.
     """
     source = open_source(path)
     found = format_of(source.head, path.suffix)
@@ -101,26 +95,27 @@ def read_logged_file(
         tables = read_isolated(path, found, wanted, more)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
+    stated = wanted if isinstance(wanted, Mapping) else {}
     if tables[0].more is not None:
-        return [replace(with_dates(tables[0]), more=partial(_guarded, tables[0].more, found.what))]
-    tables = [oldest_first(with_dates(table)) for table in tables]
-    return [_in_parts(tables[0], rows)] if rows is not None and len(tables) == 1 else tables
+        return [replace(with_dates(tables[0], stated), more=partial(_guarded, tables[0].more, found.what, stated))]
+    tables = [oldest_first(with_dates(table, stated)) for table in tables]
+    length = len(tables[0].channels)
+    number = 1 if rows is None or len(tables) > 1 else max(1, round(length / rows))
+    if number == 1:
+        return tables
+    step = -(-length // number)
+    channels = (tables[0].channels.iloc[first : first + step] for first in range(0, length, step))
+    parts = [replace(tables[0], channels=own) for own in channels]
+    return [replace(parts[0], more=partial(iter, parts[1:]), parts=number)]
 
 
-def _in_parts(table: LoggedTable, rows: int) -> LoggedTable:
-    length = len(table.channels)
-    if (count := round(length / rows)) < 2:
-        return table
-    step = -(-length // count)
-    parts = [replace(table, channels=table.channels.iloc[first : first + step]) for first in range(0, length, step)]
-    return replace(parts[0], more=partial(iter, parts[1:]), parts=len(parts))
-
-
-def _guarded(tables: Callable[[], Iterator[LoggedTable]], what: str) -> Iterator[LoggedTable]:
+def _guarded(
+    tables: Callable[[], Iterator[LoggedTable]], what: str, stated: Mapping[str, str]
+) -> Iterator[LoggedTable]:
     read = tables()
     while True:
         with guarded(what):
             table = next(read, None)
         if table is None:
             return
-        yield with_dates(table)
+        yield with_dates(table, stated)

@@ -6,19 +6,16 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.cells import steps_of, way_of
 from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of, unit_among
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
-from cylinder_friction.recordings.mapping.channel_mapping import quantity_of
-from cylinder_friction.recordings.mapping.channel_words import words_of
+from cylinder_friction.recordings.mapping.guessing import facts_of, time_score
 from cylinder_friction.recordings.recording import Start
 
 FIRST_ROWS = 256
 """Number of first rows that decide whether a channel is a clock."""
-EVEN_SHARE = 1e-3
-"""Largest deviation between the steps of an unnamed clock, as a share of a step."""
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -44,7 +41,11 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
     valid = [(name, channel) for name, channel in named if len(channel) and channel.dtype.kind in "biufMOU"]
     others = [name for name, channel in named if not len(channel) or channel.dtype.kind not in "biufMOU"]
     # A logged clock of any name takes precedence over the clock that waveform properties define.
-    timed = any(_is_clock(channel, name) for name, channel in valid)
+    begins = [
+        LoggedTable(pd.DataFrame({name: channel[:FIRST_ROWS]}), {name: unit_among(channel.properties)})
+        for name, channel in valid
+    ]
+    timed = any(time_score(each, clock_given=True) > 0.0 for each in facts_of(begins))
     alike: dict[tuple[int, float | None, float], list[Channel]] = {}
     for name, channel in valid:
         step, offset = (None, 0.0) if timed else _clock(channel, first)
@@ -54,20 +55,6 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
         table_of(channels, wanted, group.name, step, offset, others=() if number else others)
         for number, ((_, step, offset), channels) in enumerate(alike.items())
     ]
-
-
-def _is_clock(channel: Any, name: str) -> bool:
-    """Check whether a channel rises, and its name, its unit or its even steps show that it is time."""
-    if channel.dtype.kind not in "iufM":
-        return False
-    values = np.asarray(channel[:FIRST_ROWS])
-    steps = steps_of(values)
-    if len(steps) < 3 or way_of(values) != 1:
-        return False
-    by_unit = quantity_of(unit_among(channel.properties)) == "time"
-    stated = by_unit or words_of(name).quantity == "time" or values.dtype.kind == "M"
-    usual = float(np.median(steps))
-    return stated or (usual != 1.0 and bool((np.abs(steps - usual) <= EVEN_SHARE * usual).all()))
 
 
 def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, float]:

@@ -25,37 +25,40 @@ STANDARD_ATMOSPHERE_PA = 101325.0
 
 _SPELLINGS: dict[str, dict[float | tuple[float, float], str]] = {
     "time": {
-        1.0: "s sec secs second seconds sek sekunde sekunden", 1e-3: "ms msec", 1e-6: "us μs usec", 1e-9: "ns",
-        1e-7: "100ns ticks", 60.0: "min minute minutes minuten", 3600.0: "h hr hour hours std", 86400.0: "d day",
+        1.0: "s | sec secs second seconds sek sekunde sekunden", 1e-3: "ms | msec", 1e-6: "us | μs usec", 1e-9: "ns",
+        1e-7: "100ns | ticks", 60.0: "min | minute minutes minuten", 3600.0: "h | hr hour hours std",
+        86400.0: "d | day",
     },
     "pressure": {
-        1.0: "Pa N/m2", 1e3: "kPa kN/m2", 1e6: "MPa N/mm2", 1e5: "bar", 1e2: "mbar hPa",
-        6894.757293168362: "psi lbf/in2 lb/in2", 6894757.293168361: "ksi",
-        98066.5: "kgf/cm2 kg/cm2 kp/cm2 at", 101325.0: "atm",
+        1.0: "Pa | N/m2", 1e3: "kPa | kN/m2", 1e6: "MPa N/mm2", 1e5: "bar", 1e2: "mbar hPa",
+        6894.757293168362: "psi | lbf/in2 lb/in2", 6894757.293168361: "ksi",
+        98066.5: "kgf/cm2 | kg/cm2 kp/cm2 at", 101325.0: "atm",
     },
     "length": {
-        1.0: "m meter metre", 1e-3: "mm", 1e-2: "cm", 1e-6: "um μm micron",
-        0.0254: "in inch inches zoll", 0.3048: "ft", 2.54e-5: "mil thou",
+        1.0: "m | meter metre", 1e-3: "mm", 1e-2: "cm", 1e-6: "um | μm micron",
+        0.0254: "in | inch inches zoll", 0.3048: "ft", 2.54e-5: "mil | thou",
     },
     # A load cell may display the mass that hangs on it; the force is its weight.
     "force": {
-        1.0: "N newton", 1e-6: "uN μN", 10.0: "daN", 1e3: "kN",
-        4.4482216152605: "lbf lb lbs", 4448.2216152605: "kip kips",
-        9.80665: "kgf kp kg", 9806.65: "tf t",
+        1.0: "N | newton", 1e-6: "uN | μN", 10.0: "daN", 1e3: "kN",
+        4.4482216152605: "lbf | lb lbs", 4448.2216152605: "kip | kips",
+        9.80665: "kgf | kp kg", 9806.65: "t | tf",
     },
     "temperature": {
-        1.0: "°C degC gradC C celsius", (1.0, -273.15): "K kelvin", (5.0 / 9.0, -160.0 / 9.0): "°F degF F fahrenheit",
+        1.0: "°C | degC gradC C celsius", (1.0, -273.15): "K | kelvin",
+        (5.0 / 9.0, -160.0 / 9.0): "°F | degF F fahrenheit",
     },
 }  # fmt: skip
 """Spellings of the units of each quantity, separated by blanks, by their factor (and offset) to the column's unit.
 
-Upper and lower case are equivalent, and so are ``cm²``, ``cm2`` and ``cm^2``.
+Messages and the guide list the spellings before a ``|``. Upper and lower case are equivalent, and so are ``cm²``,
+``cm2`` and ``cm^2``.
 """
 _CONVERSIONS = {
     quantity: {
         name.casefold(): scale if isinstance(scale, tuple) else (scale, 0.0)
         for scale, names in spellings.items()
-        for name in names.split()
+        for name in names.replace("|", "").split()
     }
     for quantity, spellings in _SPELLINGS.items()
 }
@@ -179,8 +182,14 @@ def check_unit(column: str, unit: str) -> tuple[float, float]:
         )
     measured = quantity_of(unit)
     problem = "is not known" if measured is None else f"measures {measured}, but the column holds a {wanted}"
-    usual = ", ".join(names.split()[0] for names in _SPELLINGS[wanted].values())
-    raise RecordingError(f"column {column!r}: unit {unit!r} {problem}; expected one of {usual}")
+    raise RecordingError(
+        f"column {column!r}: unit {unit!r} {problem}; expected one of {', '.join(usual_units(wanted))}"
+    )
+
+
+def usual_units(quantity: str) -> list[str]:
+    """List the units of a quantity in their usual spelling."""
+    return [name for names in _SPELLINGS[quantity].values() for name in names.partition("|")[0].split()]
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:
@@ -380,12 +389,7 @@ class ChannelMapping:
 
 
 def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
-    """Refuse a mapping that cannot make a recording from any file.
-
-    Raises:
-        RecordingError: A column is unknown or a required one is not mapped, a unit does not fit, or one channel fills
-            two columns.
-    """
+    """Refuse a mapping that cannot make a recording from any file."""
     for column in mapping:
         if column not in QUANTITIES:
             raise RecordingError(f"column {column!r} is not known; expected some of {', '.join(QUANTITIES)}")
@@ -430,9 +434,10 @@ def _problem(column: str, source: ChannelMapping) -> str:
     return ""
 
 
-def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
-    """List the names of all channels that a mapping reads, time channels included."""
-    return {name for source in mapping.values() for name in (*source.names, source.time) if name}
+def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> dict[str, str]:
+    """List all channels that a mapping reads, time channels included, each with its stated unit, empty without one."""
+    clocks = {source.time: source.time_unit for source in mapping.values() if source.time}
+    return clocks | {name: source.unit for source in mapping.values() for name in source.names}
 
 
 def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:
@@ -466,11 +471,10 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
             continue
         resolution = sensor_step(column, sensor, source.unit) or 0.0
         share = sensor.accuracy_percent / 100.0 * RECTANGULAR
-        scale = column_scale(column, sensor.unit)
-        if sensor.zero_uncertainty is None:
-            stated[column] = SensorUncertainty(share * sensor.full_scale * scale, 0.0, resolution)
-        else:
-            stated[column] = SensorUncertainty(sensor.zero_uncertainty * scale, share, resolution)
+        zero, span = share * sensor.full_scale, 0.0
+        if sensor.zero_uncertainty is not None:
+            zero, span = sensor.zero_uncertainty, share
+        stated[column] = SensorUncertainty(zero * column_scale(column, sensor.unit), span, resolution)
     return stated
 
 

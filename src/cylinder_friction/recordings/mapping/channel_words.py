@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -79,7 +79,11 @@ def words_of(name: str) -> Words:
     folded = [token.casefold() for token in tokens]
     whole = len(plain) > 1 and plain.strip().casefold() in TIME_NAMES
     quantity = "time" if whole else _quantity(tokens)
-    side, side_word = _side(folded, quantity)
+    vocabularies = ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE))
+    ranked = ((side, token, words.rank(token)) for side, words in vocabularies for token in folded)
+    # Single letters and digits show a side only together with a word for pressure.
+    sides = ((side, token) for side, token, rank in ranked if rank == 2 or (rank == 1 and quantity == "pressure"))
+    side, side_word = next(sides, (0, ""))
     wanted = any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded)
     known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, AT_VALVE, AT_CYLINDER)
     return Words(
@@ -114,29 +118,12 @@ def _without_unit(name: str) -> tuple[str, str]:
 
 
 def _quantity(tokens: Sequence[str]) -> str | None:
-    best, found = 0, None
+    best, found, place = 0, None, 0
     for quantity, vocabulary in QUANTITY_WORDS.items():
-        for word in tokens:
-            # A lone t is time, a lone T is temperature.
+        for index, word in enumerate(tokens):
+            # A lone t is time, a lone T is temperature. Of two letters the first one counts: ``x_p`` is a position.
             lone = word == "T"
             rank = int(quantity == "temperature") if lone else vocabulary.rank(word.casefold())
-            if rank > best or (rank == best == 1 and _before(word, tokens, found)):
-                best, found = rank, quantity
+            if rank > best or (rank == best == 1 and index < place):
+                best, found, place = rank, quantity, -1 if lone else index
     return found
-
-
-def _before(token: str, tokens: Sequence[str], found: str | None) -> bool:
-    """Check whether a letter precedes the one that ``found`` was read from: ``x_p`` is a position."""
-    vocabulary = QUANTITY_WORDS[found or "other"]
-    others = [index for index, other in enumerate(tokens) if vocabulary.rank(other.casefold()) == 1]
-    return bool(others) and tokens.index(token) < others[0]
-
-
-def _side(tokens: Collection[str], quantity: str | None) -> tuple[int, str]:
-    """Find the side and its word. Single letters and digits count only together with a word for pressure."""
-    for side, vocabulary in ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE)):
-        for token in tokens:
-            rank = vocabulary.rank(token)
-            if rank == 2 or (rank == 1 and quantity == "pressure"):
-                return side, token
-    return 0, ""

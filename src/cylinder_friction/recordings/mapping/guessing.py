@@ -43,7 +43,6 @@ from cylinder_friction.wording import printable
 
 NOT_FOUND = "NOT FOUND"
 """Placeholder for a channel's name that the user must fill in; ingest refuses it and lists the file's channels."""
-OTHERWISE = {"time": "200Hz"}  # Example of a rate of the rows, if no unit of time fits
 LISTED = 60  # Most unused channels that are listed
 NEARLY = 3.0  # Largest distance from the best score of candidates that are also named
 BELOW_ZERO = 0.05
@@ -71,7 +70,6 @@ For time they bound the step, for length the travel. The pressures of one file s
 """
 
 GREATEST_PRESSURE_PA = 7e7  # Pressure on the piston that gives the greatest credible force of a cylinder [Pa]
-
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
 EVEN_SHARE = 0.01
 """Largest difference between median and mean step of an even clock, as a share."""
@@ -86,7 +84,6 @@ class ChannelFacts:
     name: str
     words: Words
     unit: str  # Unit that the file or the name states; empty without one
-    stated_by: str  # Source of the unit, ``file`` or ``name``; empty without a unit
     dates: bool  # Whether its values are dates
     # low, high: Least and greatest finite value; NaN if there are none
     low: float
@@ -106,7 +103,7 @@ class ChannelFacts:
 
 
 Ranked = Sequence[tuple[ChannelFacts, float]]
-"""Channels with their scores for a column, best first."""
+"""Channels with their scores for a column, best first; equal ones in the file's order."""
 
 
 def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
@@ -139,7 +136,6 @@ def _facts(index: int, table: LoggedTable, name: str) -> ChannelFacts:
         name=name,
         words=words,
         unit=stated or words.unit,
-        stated_by="name" if words.unit and stated in ("", words.unit) else ("file" if stated else ""),
         dates=dates,
         low=float(finite.min()) if len(finite) else math.nan,
         high=float(finite.max()) if len(finite) else math.nan,
@@ -154,14 +150,6 @@ def _facts(index: int, table: LoggedTable, name: str) -> ChannelFacts:
 
 def usual_unit(column: str) -> str:
     return LIKELY_UNITS[QUANTITIES[column]][0][0] if QUANTITIES[column] != "length" else "mm"
-
-
-def ranked_channels(column: str, facts: Sequence[ChannelFacts], clock_given: bool) -> Ranked:
-    """List the channels that could fill a column with their scores, best first; equal ones in the file's order."""
-    scores = [
-        (channel, _time_score(channel, clock_given) if column == TIME else _score(column, channel)) for channel in facts
-    ]
-    return sorted(((channel, score) for channel, score in scores if score > 0.0), key=lambda entry: -entry[1])
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
@@ -185,7 +173,7 @@ def _score(column: str, channel: ChannelFacts) -> float:
     return score + (column == LOAD_FORCE) * words.carried
 
 
-def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
+def time_score(channel: ChannelFacts, clock_given: bool) -> float:
     """Rate how well a channel fits time. A row counter is not time, nor is any channel that happens to rise.
 
     Without a name or unit of time, only the first channel of a table may be time, if it rises evenly. A channel that is
@@ -227,9 +215,9 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
 
 
 def channels_of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
-    """Choose pressures and position of the cylinder that fits best; cylinders differ in the rest of the names.
+    """Choose pressures and position of the cylinder that fits best; none if no cylinder has all three.
 
-    If no cylinder has all three, the best channel of each column is returned.
+    Cylinders differ in the rest of the names.
     """
     groups: dict[tuple[str, ...], dict[str, tuple[ChannelFacts, float]]] = {}
     for column in SAMPLE_COLUMNS:
@@ -238,30 +226,8 @@ def channels_of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFact
             if channel not in [taken for taken, _ in group.values()]:
                 group.setdefault(column, (channel, score))
     whole = [group for group in groups.values() if len(group) == len(SAMPLE_COLUMNS)]
-    if whole:
-        best = max(whole, key=lambda group: sum(score for _, score in group.values()))
-        return {column: best[column][0] for column in SAMPLE_COLUMNS}
-    chosen: dict[str, ChannelFacts] = {}
-    for column in SAMPLE_COLUMNS:
-        take_first_free(column, ranked, chosen)
-    return chosen
-
-
-def take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, ChannelFacts]) -> None:
-    """Add a column's best channel that fills no other column."""
-    free = [channel for channel, _ in ranked[column] if channel not in chosen.values()]
-    if free:
-        chosen[column] = free[0]
-
-
-def stamps_of(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, ChannelFacts]:
-    """Find the time channel of each column: the best one in its table."""
-    stamps: dict[str, ChannelFacts] = {}
-    for column, channel in chosen.items():
-        free = (time for time, _ in ranked if time.table == channel.table and time not in chosen.values())
-        if (best := next(free, None)) is not None:
-            stamps[column] = best
-    return stamps
+    best = max(whole, key=lambda group: sum(score for _, score in group.values()), default={})
+    return {column: best[column][0] for column in SAMPLE_COLUMNS if column in best}
 
 
 @dataclass(frozen=True)
@@ -270,20 +236,19 @@ class GuessedColumn:
 
     column: str
     channel: ChannelFacts | None  # The best guess; None if nothing fits
-    unit: str = ""  # Unit of that channel; empty for dates
+    # Its mapping as in a file, with an empty unit for dates, or a given rate in place of a time channel; else empty
+    entry: dict[str, Any] = field(default_factory=dict)
     # reasons, checks: Reasons for the guess, and what the user should check, one sentence each
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
     fitting: Sequence[str] | None = None  # Units that the values fit; None if the unit is stated or given
-    rate_hz: float | None = None  # Rate of the rows, if it is given in place of a time channel [Hz]
 
     @property
     def known(self) -> bool:
         """Whether the user need not state anything more about it; a percentage is of the stroke."""
-        if self.channel is None:
-            return self.rate_hz is not None
-        return electrical(self.unit) is None or of_stroke(self.column, self.unit)
+        unit = self.entry.get("unit", "")
+        return bool(self.entry) and (electrical(unit) is None or of_stroke(self.column, unit))
 
 
 @dataclass(frozen=True)
@@ -293,27 +258,13 @@ class GuessedMapping:
     path: Path
     columns: dict[str, GuessedColumn]  # Guess of each column, the required ones first
     unused: tuple[ChannelFacts, ...]  # Channels that fill no column
-    ambiguous: frozenset[str] = frozenset()  # Names of channels that occur in several tables
-    stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
-
-    def entry(self, column: str) -> dict[str, Any]:
-        """Return the mapping of a column with a guessed channel, or of time with a given rate, as in a file."""
-        guessed, time = self.columns[column], self.columns[TIME].channel
-        if guessed.channel is None:
-            return {"rate_hz": guessed.rate_hz}
-        entry, stamp = {"channel": guessed.channel.name, "unit": guessed.unit}, self.stamps.get(column)
-        if column != TIME and guessed.channel.name in self.ambiguous:
-            entry["table"] = guessed.channel.table_name
-        if stamp is not None and time is not None and stamp.name != time.name:
-            entry["time"] = stamp.name
-        return entry
 
     def to_dict(self) -> dict[str, Any]:
         """Return each column's guess, reasons and checks as JSON-compatible values."""
         return {
             name: {
                 "channel": each.channel.name,
-                "unit": each.unit,
+                "unit": each.entry["unit"],
                 "reasons": list(each.reasons),
                 "check": [*each.checks, *(f"{other.name!r} could be meant, too" for other in each.others)],
             }
@@ -331,21 +282,26 @@ def guess_mapping(
 ) -> GuessedMapping:
     """Guess a mapping of a file, as far as names, units and values determine one.
 
-    Args:
-        tables: The tables of the file, with all channels loaded.
-        path: Path of the file.
-        cylinder: The recorded cylinder, to exclude units with which values exceed its stroke or force. None: any.
-        units: Units by quantity, for channels whose unit the file does not state. For time, a rate of the rows such as
-            ``200 Hz`` is also allowed.
+    The cylinder excludes units with which values exceed its stroke or force. ``units`` states units by quantity, for
+    channels whose unit the file does not state; for time, a rate of the rows such as ``200 Hz`` is also allowed.
     """
     facts = facts_of(tables)
     rate_hz = stated_rate((units or {}).get("time", ""))
     clock_given = "time" in (units or {}) and rate_hz is None
-    ranked = {column: ranked_channels(column, facts, clock_given) for column in QUANTITIES}
+    ranked: dict[str, Ranked] = {}
+    for column in QUANTITIES:
+        scores = [(each, time_score(each, clock_given) if column == TIME else _score(column, each)) for each in facts]
+        ranked[column] = sorted((each for each in scores if each[1] > 0.0), key=lambda each: -each[1])
     chosen = channels_of_one_cylinder(ranked)
-    forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
-    for column in (*forces, OIL_TEMPERATURE):
-        take_first_free(column, ranked, chosen)
+
+    def take_first_free(*columns: str) -> None:
+        for column in columns:
+            free = [channel for channel, _ in ranked[column] if channel not in chosen.values()]
+            if free:
+                chosen.setdefault(column, free[0])
+
+    take_first_free(*SAMPLE_COLUMNS)
+    take_first_free(*(() if any(column in chosen for column in SIDES) else (DRIVE_FORCE,)), LOAD_FORCE, OIL_TEMPERATURE)
     # A drive force replaces pressures if none was found.
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
@@ -353,7 +309,10 @@ def guess_mapping(
     why = "" if rate_hz else _time_unknown(ranked[TIME], facts)
     if POSITION not in chosen:
         _refuse_row_per_tag(tables, [time for time, _ in ranked[TIME]])
-    stamps = {} if rate_hz or why else stamps_of(ranked[TIME], chosen)
+    stamps: dict[str, ChannelFacts] = {}
+    for column, channel in chosen.items() if not (rate_hz or why) else ():
+        free = [time for time, _ in ranked[TIME] if time.table == channel.table and time not in chosen.values()]
+        stamps |= {column: free[0]} if free else {}
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time
@@ -362,14 +321,15 @@ def guess_mapping(
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
     columns = {column: _guessed(column, chosen, ranked[column], cylinder, units or {}) for column in wanted}
     if TIME not in chosen:
-        columns[TIME] = GuessedColumn(TIME, None, rate_hz=rate_hz, checks=(why,) if why else ())
-    return GuessedMapping(
-        path=path,
-        columns=columns,
-        unused=tuple(channel for channel in facts if id(channel) not in used),
-        ambiguous=frozenset(name for name, count in Counter(channel.name for channel in facts).items() if count > 1),
-        stamps=stamps,
-    )
+        entry, checks = {"rate_hz": rate_hz} if rate_hz else {}, (why,) if why else ()
+        columns[TIME] = GuessedColumn(TIME, None, entry, checks=checks)
+    counts = Counter(channel.name for channel in facts)
+    for column, channel in chosen.items():
+        if column != TIME and counts[channel.name] > 1:
+            columns[column].entry["table"] = channel.table_name
+        if column in stamps and stamps[column].name != chosen[TIME].name:
+            columns[column].entry["time"] = stamps[column].name
+    return GuessedMapping(path, columns, tuple(channel for channel in facts if id(channel) not in used))
 
 
 def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
@@ -434,7 +394,7 @@ def _guessed(
     if channel.dates:
         unit, reasons = "", [*reasons, "holds dates"]
     elif unit or given is not None:
-        unit, stated = (unit, f"from the {channel.stated_by}") if unit else (str(given), "as given")
+        unit, stated = (unit, "as stated") if unit else (str(given), "as given")
         reasons += [f"unit {unit} {stated}", channel.described()]
     else:
         alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
@@ -446,7 +406,8 @@ def _guessed(
         )
         reasons.append(f"{_size(column, channel)}{f' fit {unit}' if fitting else f'; {unit} is usual'}")
         checks.append(f"the unit is stated nowhere{also}")
-    return GuessedColumn(column, channel, unit, tuple(reasons), tuple(checks), others, fitting)
+    entry = {"channel": channel.name, "unit": unit}
+    return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, fitting)
 
 
 def _size(column: str, channel: ChannelFacts) -> str:
@@ -482,7 +443,7 @@ def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
 
 def channel_lines(guess: GuessedMapping) -> list[str]:
     """Write the lines below ``channels:`` without indentation; unused channels are listed at the end."""
-    lines = [line for column in guess.columns.values() for line in _column_lines(column, guess)]
+    lines = [line for column in guess.columns.values() for line in _column_lines(column)]
     if guess.unused:
         lines.append("# Not used:")
         for channel in guess.unused[:LISTED]:
@@ -494,11 +455,11 @@ def channel_lines(guess: GuessedMapping) -> list[str]:
     return lines
 
 
-def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
+def _column_lines(column: GuessedColumn) -> list[str]:
     name, channel = column.column, column.channel
     checks = [f"# CHECK: {printable(check)}" for check in column.checks]
-    if column.rate_hz is not None:
-        return [f"{name}: {{rate_hz: {column.rate_hz:g}}}"]
+    if "rate_hz" in column.entry:
+        return [f"{name}: {{rate_hz: {column.entry['rate_hz']:g}}}"]
     if channel is None:
         rate = ", or write {rate_hz: ...} if the rows come at a constant rate" if name == TIME else ""
         unknown = f'{name}: {{channel: "{NOT_FOUND}", unit: {usual_unit(name)}}}'
@@ -507,7 +468,7 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
     if column.others:
         named = [f"{each.name} ({each.described()})" for each in (channel, *column.others)]
         lines.append(f"# AMBIGUOUS: {printable(' or '.join(named))}")
-    entry = {key: _unit(text) if key == "unit" else quoted(text) for key, text in guess.entry(name).items()}
+    entry = {key: _unit(text) if key == "unit" else quoted(text) for key, text in column.entry.items()}
     lines += checks
     if not column.known:
         lines.append(f"# {NOT_FOUND}: the sensor's range, and what the channel holds at its two ends")
@@ -526,11 +487,7 @@ def quoted(text: str) -> str:
 
 
 def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
-    """Refuse a guess with open columns or units, or ``units`` (by quantity) that the file contradicts.
-
-    Raises:
-        RecordingError: A column, a sensor's range or a unit cannot be guessed; the message states what to write.
-    """
+    """Refuse a guess with open columns or units, or ``units`` (by quantity) that the file contradicts."""
     unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
     if unknown:
         why = "".join(f": {check}" for check in unknown.get(TIME, ()))
@@ -551,17 +508,14 @@ def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
         if each.fitting is not None and len(each.fitting) != 1 and quantity != "temperature":
             doubtful.setdefault(quantity, []).append(each)
     if doubtful:
-        words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
-        options = "; ".join(
-            " or ".join(f"--unit {quantity}={unit}" for unit in each[0].fitting or [OTHERWISE.get(quantity, "UNIT")])
-            for quantity, each in doubtful.items()
-        )
+        words, options = list[str](), list[str]()
+        for quantity, own in doubtful.items():
+            named = [f"{each.channel.name!r} ({_size(each.column, each.channel)})" for each in own if each.channel]
+            fits = own[0].fitting or []
+            words.append(f"{quantity} of {' and '.join(named)} fits {' or '.join(fits or ['no usual unit'])}")
+            units_to_state = fits or ["200Hz" if quantity == "time" else "UNIT"]
+            options.append(" or ".join(f"--unit {quantity}={unit}" for unit in units_to_state))
         raise RecordingError(
-            f"no mapping was given, and units that the file does not state cannot be guessed: {words}; state what they "
-            f"are: {options} (in Python units={{quantity: unit}}), or give a mapping"
+            f"no mapping was given, and units that the file does not state cannot be guessed: {'; '.join(words)}; "
+            f"state what they are: {'; '.join(options)} (in Python units={{quantity: unit}}), or give a mapping"
         )
-
-
-def _and_their_fit(columns: Sequence[GuessedColumn]) -> str:
-    named = [f"{each.channel.name!r} ({_size(each.column, each.channel)})" for each in columns if each.channel]
-    return f"{' and '.join(named)} fits {' or '.join(columns[0].fitting or ['no usual unit'])}"

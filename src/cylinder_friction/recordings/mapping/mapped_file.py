@@ -25,7 +25,6 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
 )
 from cylinder_friction.recordings.mapping.guessing import ChannelFacts, clocks_of
 from cylinder_friction.recordings.recording import RecordingError, Signal, Start
-from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 
 RATE_AGREES = 0.05  # Largest difference of a stated rate from a time channel's, as a share: stamps are rounded or lost
 TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # Possible units of a time channel without a stated unit [s]
@@ -52,12 +51,7 @@ class _Clock(NamedTuple):
 
 
 def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapping]) -> MappedFile:
-    """Read the mapped columns of a file; the mapping has passed ``check_mapping``.
-
-    Raises:
-        RecordingError: A channel or its time is missing or occurs twice, a cell is text, the units of file and mapping
-            differ, or two channels cannot share one clock.
-    """
+    """Read the mapped columns of a file; the mapping has passed ``check_mapping``."""
     there = {str(name) for table in tables for name in (*table.channels.columns, *table.unread)}
     mapping = {
         column: replace(source, channel=next((name for name in source.names if name in there), source.channel))
@@ -82,7 +76,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     signals = {}
     for column, place in places.items():
         source, time_s = mapping[column], stamps[clocks[column]]
-        _check_stated_unit(tables[place], column, source)
+        _check_unit(tables[place], source.channel, source.unit, column, source.absolute)
         raw = _numbers(tables[place].channels[source.channel], source.channel, column, source.unit)
         if len(time_s) != len(raw):
             raise RecordingError(
@@ -165,8 +159,7 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
                 raise RecordingError(
                     f"the table has two clocks, {own} with {own_hz[-1]:.4g} Hz and {other.name!r} with {other_hz:.4g} "
                     f"Hz, and no column is stamped by {other.name!r}; name it as the channel of time_s, or as "
-                    "channels.<column>.time (and time_unit) of the columns that it stamps, or leave one out of the "
-                    "export"
+                    "channels.<column>.time (and time_unit) of the columns that it stamps, or export one of the two"
                 )
 
 
@@ -215,15 +208,16 @@ def _stamps(
             "expected one kind of time in a file, or nobody knows how they lie to each other"
         )
     known = {clock: stamps.min() for clock, stamps in dates.items() if stamps.notna().any()}
-    origin = min(known.values(), default=None)
+    origin = min(known.values(), default=pd.NaT)
     start = next((tables[clock.table].start for clock in columns if tables[clock.table].start is not None), None)
-    if origin is not None:
+    if known:
         first, at = next(iter(known)), origin.to_datetime64().astype("datetime64[ns]")
         start = Start(at, tables[first.table].utc, f"time stamps of {first.channel!r}", dated_rows=True)
-    stamps_s = {}
+    stamps_s: dict[_Clock, Array] = {}
     for clock, column in columns.items():
         if clock in dates:
-            stamps_s[clock] = stamps_to_seconds(dates[clock], origin)
+            since = dates[clock].to_numpy("datetime64[ns]") - origin.to_datetime64()
+            stamps_s[clock] = np.where(np.isnat(since), np.nan, since.astype(np.int64) / 1e9)
         elif clock.channel:
             stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time, mapping[column].time_unit)
         else:
@@ -242,7 +236,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     of_time = channel == time.channel
     configured = time_unit or (time.unit if of_time else "")
     if configured:
-        _refuse_other_unit(stated, configured, channel, TIME if of_time else column)
+        _check_unit(table, channel, configured, TIME if of_time else column)
     unit = configured or (stated if of_time or quantity_of(stated) == "time" else time.unit)
     if not unit:
         raise RecordingError(
@@ -253,24 +247,20 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     return to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 
-def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> None:
+def _check_unit(table: LoggedTable, channel: str, configured: str, column: str, absolute: bool = False) -> None:
     """Refuse a channel if the file contradicts the mapping's unit."""
-    stated = table.units.get(source.channel, "")
-    _refuse_other_unit(stated, source.unit, source.channel, column)
-    reference = stated_reference(stated) if QUANTITIES[column] == "pressure" else None
-    if reference is not None and (reference == "absolute") != source.absolute:
-        raise RecordingError(
-            f"channel {source.channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
-            f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
-            f"correct channels.{column}.unit: bara is absolute, bar gauge pressure"
-        )
-
-
-def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) -> None:
+    stated = table.units.get(channel, "")
     if not units_agree(stated, configured):
         raise RecordingError(
             f"channel {channel!r} (for {column!r}): the file states the unit {stated!r}, but it is read in "
             f"{configured!r}; expected the same; correct channels.{column}.unit in the mapping, or the file"
+        )
+    reference = stated_reference(stated) if QUANTITIES[column] == "pressure" else None
+    if reference is not None and (reference == "absolute") != absolute:
+        raise RecordingError(
+            f"channel {channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
+            f"but it is read as {'absolute' if absolute else 'gauge'} pressure; "
+            f"correct channels.{column}.unit: bara is absolute, bar gauge pressure"
         )
 
 
@@ -288,7 +278,10 @@ def _find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: 
     key = "channel"
     there = [str(other) for index in searched for other in (*tables[index].channels.columns, *tables[index].unread)]
     if not holding:
-        problem = f"is missing; got channels {_listed(there)}{_nearest(name, there)}; correct the file or"
+        by_folded = {"".join(other.split()).casefold(): other for other in there}
+        close = get_close_matches("".join(name.split()).casefold(), by_folded, n=1, cutoff=0.6)
+        nearest = f" (nearest: {by_folded[close[0]]!r})" if close else ""
+        problem = f"is missing; got channels {_listed(there)}{nearest}; correct the file or"
     elif len(set(holding)) == 1:
         problem = f"occurs {len(holding)} times; got channels {_listed(there)}; rename one in the file or correct"
     else:
@@ -299,12 +292,6 @@ def _find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: 
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return ", ".join(map(repr, names[:MOST_NAMES])) + more
-
-
-def _nearest(name: str, there: Sequence[str]) -> str:
-    by_folded = {"".join(other.split()).casefold(): other for other in there}
-    close = get_close_matches("".join(name.split()).casefold(), by_folded, n=1, cutoff=0.6)
-    return f" (nearest: {by_folded[close[0]]!r})" if close else ""
 
 
 def _numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:

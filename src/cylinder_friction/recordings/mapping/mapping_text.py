@@ -25,10 +25,7 @@ name_pattern: {name_pattern}
 
 
 def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
-    """Write the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source.
-
-    ``database`` is the DBC file of the bus, if the file contains CAN frames.
-    """
+    """Write the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source, and a bus's DBC file."""
     ending = re.search(r"(?<=.)(\.[A-Za-z0-9]+)?\.gz$|(?<=.)\.[A-Za-z0-9]+$", guess.path.name)
     suffix = ending[0] if ending else ""
     filled = {

@@ -43,25 +43,21 @@ def align(
     - Columns of other rates or phases are resampled with anti-aliasing (``windowed_sinc``). The grid has multiples of
       the sample time from the first stamp, over the time that all columns cover; nothing is extrapolated.
 
-    Args:
-        signals: Columns; those of one logged table share their ``time_s`` array.
-        rules: Rules for repairs, and the wanted rate.
-        about: Metadata that the recordings share, with earlier repairs.
-        start: When the file's clock was at 0 s; None if that is not known.
-
-    Returns:
-        At least one recording, without NaN and not checked yet. ``time_s`` continues the logger's time, and restarts
-        when the logger's clock did.
-
-    Raises:
-        RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
+    The recordings contain no NaN and are not checked yet. ``time_s`` continues the logger's time, and restarts when the
+    logger's clock did. ``start`` is when that clock was at 0 s, if it is known.
     """
     unchanged_hz = _rate_of_unchanged(signals, rules)
     if unchanged_hz is not None:
         columns = {TIME: next(iter(signals.values())).time_s} | {name: each.values for name, each in signals.items()}
         return [_piece(columns, unchanged_hz, about, start)]
     timelines, repairs = find_timelines(signals, rules)
-    _check_restarts(timelines)
+    restarts = sorted({int(timeline.grid.segments[-1]): timeline.column for timeline in timelines}.items())
+    if len(restarts) > 1:
+        (fewest, one), *_, (most, other) = restarts
+        raise RecordingError(
+            f"the clock restarts {fewest} times in the table of {one} and {most} times in that of {other}, expected "
+            "as often in each; split the file where the logger was restarted"
+        )
     rate_hz = _common_rate(timelines, rules)
     one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
     same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
@@ -126,16 +122,6 @@ def _common_rate(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> floa
             f"Hz, expected at most {HIGHEST_RATIO:.0f} times that; lower rate_hz"
         )
     return rate_hz
-
-
-def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
-    restarts = {int(timeline.grid.segments[-1]): timeline.column for timeline in timelines}
-    if len(restarts) > 1:
-        (fewest, one), *_, (most, other) = sorted(restarts.items())
-        raise RecordingError(
-            f"the clock restarts {fewest} times in the table of {one} and {most} times in that of {other}, expected "
-            "as often in each; split the file where the logger was restarted"
-        )
 
 
 def _on_logged_grid(timelines: Sequence[ChannelTimeline]) -> Placed:
@@ -233,11 +219,9 @@ def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[st
     before_s, after_s = min(gaps)
     columns = gaps[(before_s, after_s)]
     without = "" if len(columns) == len(timelines) else f" without {', '.join(columns)}"
-    return [
-        f"time: split at {counted(len(gaps), 'gap')} of more than "
-        f"{counted(rules.longest_bridge_samples, 'lost sample')} (first: {after_s - before_s:.4g} s{without} after "
-        f"{before_s:.6g} s)"
-    ]
+    first = f"first: {after_s - before_s:.4g} s{without} after {before_s:.6g} s"
+    most = counted(rules.longest_bridge_samples, "lost sample")
+    return [f"time: split at {counted(len(gaps), 'gap')} of more than {most} ({first})"]
 
 
 def _bridged_note(timelines: Sequence[ChannelTimeline], stamps_s: Array, segment: int) -> list[str]:

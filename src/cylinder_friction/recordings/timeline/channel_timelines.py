@@ -49,10 +49,6 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
 
     Rows without stamp and value (``blank``) are ignored. A few stamps that are not finite, or 1e11 s and more, are left
     out. A clock may restart, be set back or roll over.
-
-    Raises:
-        RecordingError: There are fewer than three rows, time stands still or runs backwards, too many rows have no
-            stamp, or rows are swapped or have a damaged stamp.
     """
     finite = np.abs(time_s) < LATEST_S
     rows = np.flatnonzero(finite).astype(np.int64)
@@ -66,8 +62,7 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
         if len(lost) > min(most_damaged, logged - 3):
             raise RecordingError(
                 f"time_s is not a number, or beyond {LATEST_S:.0e} s, in {len(lost)} of {logged} rows (first: row "
-                f"{lost[0] + 1}), expected at most {100.0 * DAMAGED_SHARE:.3g} %; check the time channel and its "
-                "unit or date format"
+                f"{lost[0] + 1}), expected at most {100.0 * DAMAGED_SHARE:.3g} %; check the time channel"
             )
         repairs.append(f"{counted(len(lost), 'row')} without a time stamp left out (first: row {lost[0] + 1})")
     stamps = time_s[rows]
@@ -76,10 +71,8 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
         stands = (forward_s == 0.0).all()
         what = f"stands at {stamps[0]:.9g} s" if stands else "runs backwards from row to row"
         newest = "" if stands else "; if a log too long to be read at once has its newest row first, sort it by time"
-        raise RecordingError(
-            f"time_s {what} in all {len(stamps)} rows, expected increasing time; check the time channel in the mapping"
-            f"{newest}"
-        )
+        problem = f"time_s {what} in all {len(stamps)} rows, expected increasing time"
+        raise RecordingError(f"{problem}; check the time channel in the mapping{newest}")
     if forward_s.min() >= 0.0:
         return OrderedStamps(stamps, rows, np.zeros(len(rows), dtype=np.int64), tuple(repairs))
     restarts = _restarts(stamps, rows)
@@ -118,13 +111,8 @@ def resolve_duplicates(
       the first row of each stamp is kept.
     - Otherwise the clock is coarse (a tick of 10 or 15.6 ms, or one stamp for a block of samples). The samples are then
       spread evenly on a straight line through the first samples of the stamps, none of them before its stamp. If stamps
-      are off that line by more than the usual time between two stamps, sampling was uneven. Rounding hides fewer lost
+      are off that line by more than the usual time between two stamps, the rows are refused. Rounding hides fewer lost
       samples than that.
-
-    Columns and results are in the order of the stamps, shape ``(n,)`` each.
-
-    Raises:
-        RecordingError: Many rows repeat a stamp, and sampling was uneven.
     """
     keep = np.ones(len(stamps.time_s), dtype=np.bool_)
     repeated = np.append(False, (np.diff(stamps.time_s) == 0.0) & (np.diff(stamps.segments) == 0))
@@ -235,11 +223,7 @@ class ChannelTimeline:
 
 
 def find_timelines(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[list[ChannelTimeline], list[str]]:
-    """Return one timeline per column, and the repairs of stamps, one sentence each.
-
-    Raises:
-        RecordingError: A clock cannot be put in order, or a column has fewer than three valid samples.
-    """
+    """Return one timeline per column, and the repairs of stamps, one sentence each."""
     timelines: list[ChannelTimeline] = []
     repairs: list[str] = []
     tables: dict[int, dict[str, Signal]] = {}
@@ -293,8 +277,6 @@ def _timelines_of(
     values = [column[together] for column in columns.values()]
     time_s, keep, repairs = resolve_duplicates(part, values, rules)
     time_s, segments = time_s[keep], part.segments[keep]
-    if len(time_s) < 3:
-        raise RecordingError(f"has {len(time_s)} different time stamps, expected at least 3")
     grid = find_grid(time_s, segments, rules)
     return [_timeline(name, grid, column[keep], rules) for name, column in zip(columns, values, strict=True)], repairs
 

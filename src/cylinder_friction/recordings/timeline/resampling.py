@@ -14,12 +14,9 @@ ON_THE_LINE = 1e-3
 
 
 def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
-    """Interpolate between samples without overshoot, shape ``(m,)``.
+    """Interpolate between samples at increasing positions without overshoot, shape ``(m,)``.
 
-    Args:
-        at: Positions of the samples, increasing, shape ``(n,)``.
-        values: Values of the samples, shape ``(n,)``.
-        wanted: Wanted positions, shape ``(m,)``; beyond the first or last sample, that sample is returned.
+    Beyond the first or last sample, that sample is returned.
 
     Source: Fritsch and Carlson 1980, Monotone piecewise cubic interpolation; slopes after Fritsch and Butland 1984.
     """

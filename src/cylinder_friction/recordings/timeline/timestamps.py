@@ -1,17 +1,13 @@
-"""Analyse a logger's time stamps: seconds, printed resolution, evenness, and the rules for repairing them."""
-
-from __future__ import annotations
+"""Analyse a logger's time stamps: printed resolution, evenness, and the rules for repairing them."""
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.recording import RecordingError, expect
+from cylinder_friction.recordings.recording import expect
 
 Indices = NDArray[np.int64]
 
@@ -41,40 +37,6 @@ class TimeRules:
         expect(rate_is_valid, "rate_hz", "a positive number or None", self.rate_hz)
         lost = self.longest_bridge_samples
         expect(lost >= 0, "longest_bridge_samples", "0 or more", lost)
-
-
-def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestamp | None = None) -> Array:
-    """Convert time stamps to seconds, shape ``(n,)``; a missing stamp (NaT) becomes NaN.
-
-    Args:
-        stamps: Numbers in seconds, which stay unchanged, or dates (``datetime64``, with or without time zone).
-        origin: The date at 0 s; by default the first stamp.
-    """
-    series = pd.Series(stamps, copy=False)
-    if not pd.api.types.is_datetime64_any_dtype(series.dtype):
-        if pd.api.types.is_numeric_dtype(series.dtype):
-            return series.to_numpy(dtype=np.float64, na_value=np.nan)
-        raise RecordingError(
-            f"time stamps are of type {series.dtype} (first: {series.iloc[0] if len(series) else None!r}), expected "
-            "numbers or dates; check the time channel and its unit or date format in the mapping"
-        )
-    dates = stamps_to_datetimes(series)
-    missing = np.isnat(dates)
-    if missing.all():
-        return np.full(len(dates), np.nan)
-    if origin is not None and origin.tzinfo is not None:
-        origin = origin.tz_convert(None)
-    start = dates[~missing][0] if origin is None else origin.to_datetime64().astype("datetime64[ns]")
-    # The difference is computed in whole nanoseconds, because a float of 1.7e9 s since 1970 only resolves 0.2 µs.
-    seconds: Array = (dates - start).astype(np.int64) / 1e9
-    seconds[missing] = np.nan
-    return seconds
-
-
-def stamps_to_datetimes(dates: pd.Series[Any]) -> NDArray[np.datetime64]:
-    """Convert dates to ``datetime64[ns]``, in UTC if they have a time zone."""
-    plain = dates.dt.tz_convert(None) if isinstance(dates.dtype, pd.DatetimeTZDtype) else dates
-    return plain.to_numpy(dtype="datetime64[ns]")
 
 
 def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
