@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from cylinder_friction.execution.measuring import Took, now_ms
 from cylinder_friction.files.whole_files import json_hash, read_json
 
 Scalar = str | int | float | bool
@@ -45,19 +45,6 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def now_ms() -> int:
-    """Return the time of day [ms since 1970]."""
-    return time.time_ns() // 1_000_000
-
-
-@dataclass(frozen=True)
-class Took:
-    """Start and end of a run [ms since 1970]."""
-
-    started_ms: int
-    ended_ms: int
-
-
 @dataclass(frozen=True)
 class Dataset:
     """A folder of recordings that a stage read."""
@@ -83,7 +70,7 @@ class RunRecord:
     datasets: dict[str, Dataset] = field(default_factory=dict)  # Recordings that the stage read, by role (train, ...)
     children: tuple[RunRecord, ...] = ()  # Runs below this one, for example the trials of a search
     experiment: str = ""  # MLflow experiment: the recipe's name, or empty for the default recipe
-    # The key leaves out the circumstances: when the stage ran, its commit as tags of the run, and from
+    # The key leaves out the circumstances: when the stage ran and what it cost, its commit as tags of the run, and from
     # ``compare`` and ``register`` the parameters of the pipeline's run: recipe, seeds, differences from the default.
     took: Took = field(default_factory=lambda: Took(now_ms(), now_ms()), compare=False)
     commit: dict[str, str] = field(default_factory=dict)
@@ -100,9 +87,7 @@ class RunRecord:
         given["children"] = tuple(cls.from_dict(child) for child in given.get("children", ()))
         given["datasets"] = {role: Dataset(**each) for role, each in given.get("datasets", {}).items()}
         given["artifacts"] = tuple(given.get("artifacts", ()))
-        if took := given.pop("took", None):  # records of earlier versions also state what the run cost
-            given["took"] = Took(took["started_ms"], took["ended_ms"])
-        return cls(**given)
+        return cls(**given | ({"took": Took(**given["took"])} if "took" in given else {}))
 
     def key(self) -> str:
         """Hash the work that was done: two records with equal keys are the same run."""

@@ -15,9 +15,10 @@ from mlflow.entities import Run
 
 from candidates import runs_in
 from cylinder_friction.dvc_hashes import dvc_hash
+from cylinder_friction.execution.measuring import MOST_SAMPLES, Took, measured
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.run_record import Dataset, RunRecord, Took
+from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.stages._stage import datasets
 from cylinder_friction.tracking import log_run as module
 from cylinder_friction.tracking.log_run import dataset_input, log_run, track_or_warn
@@ -41,7 +42,7 @@ def record(root: Path) -> RunRecord:
         note="It went **well**.",
         datasets={"train": Dataset("data/processed/train", "ab" * 16 + ".dir", {"friction_n": "double"}, rows=5)},
         children=tuple(RunRecord(f"trial {number}", {"number": number}, {"v": 1.0}) for number in range(3)),
-        took=Took(1_000, 5_000),
+        took=Took(1_000, 5_000, 3.25, 812.5, [{"time_ms": 2_000, "memory_mb": 500.0, "processor_s": 3.25}]),
         commit={"git_commit": "c" * 40, "git_dirty": "false"},
     )
 
@@ -69,9 +70,24 @@ def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> 
     (dataset,) = run.inputs.dataset_inputs
     assert (dataset.dataset.name, dataset.dataset.digest) == ("train", "ab" * 16 + ".dir")
     assert (run.info.start_time, run.info.end_time) == (1_000, 5_000), "as in the record, however late it is logged"
+    assert (run.data.metrics["system/processor_s"], run.data.metrics["system/peak_memory_mb"]) == (3.25, 812.5)
+    (sample,) = client.get_metric_history(run_id, "system/memory_mb")
+    assert (sample.timestamp, sample.value) == (2_000, 500.0)
     children = runs_in(root, f"tags.`mlflow.parentRunId` = '{run_id}'")
     assert sorted(child.info.run_name for child in children) == ["trial 0", "trial 1", "trial 2"]
     assert all(child.info.status == "FINISHED" for child in children)
+
+
+def test_a_long_run_has_few_samples_and_its_whole_cost() -> None:
+    begun_s = time.process_time()
+    with measured(interval_s=0.002) as took:
+        while time.process_time() - begun_s < 0.5:
+            pass
+    found = took()
+    assert 2 <= len(found.samples) <= MOST_SAMPLES + 1
+    assert found.processor_s >= 0.4
+    assert found.peak_memory_mb == max(found.peak_memory_mb, *(each["memory_mb"] for each in found.samples))
+    assert found.started_ms < found.ended_ms
 
 
 def test_a_record_is_logged_once_however_often_it_is_logged(root: Path, record: RunRecord) -> None:

@@ -1,11 +1,13 @@
 """One benchmark from configuration to page: results, report and MLflow runs, below the folder ``benchmark/``."""
 
+import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from cylinder_friction.execution.measuring import measured
 from cylinder_friction.files.whole_files import hash_of, read_json, write_json
 from cylinder_friction.import_graph import relative_to_source, used_files
-from cylinder_friction.run_record import Dataset, RunRecord, Scalar, Took, now_ms
+from cylinder_friction.run_record import Dataset, RunRecord, Scalar
 from cylinder_friction.stages._stage import artifacts, datasets, flat
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.repository import TrackingError, commit_of, repository_root
@@ -35,16 +37,17 @@ def run(params: BenchmarkParams, *, prune: bool = False) -> str:
 
     A killed benchmark goes on where it was. ``prune`` removes from the cache what this run did not use.
     """
-    root, started_ms = Path.cwd(), now_ms()
+    root, started_s = Path.cwd(), time.time()
     runner = runner_from(params)
-    record = evaluate(params, runner)
-    record = replace(record, took=Took(started_ms, now_ms()), commit=commit_of(repository_root(root)))
+    with measured() as took:
+        record = evaluate(params, runner)
+    record = replace(record, took=took(), commit=commit_of(repository_root(root)))
     write_json(RECORD_FILE, record.to_dict())
     track_or_warn(record, root)
     counts = ", ".join(f"{count} {kind}" for kind, count in runner.computed.items())
     words = f"computed: {counts}; everything else was in {runner.cache}"
     if prune:  # file systems keep time in steps of some milliseconds
-        words += f"\npruned: {Cache(runner.cache).prune(started_ms / 1e3 - 1.0)} entries"
+        words += f"\npruned: {Cache(runner.cache).prune(started_s - 1.0)} entries"
     return words
 
 

@@ -10,13 +10,14 @@ from tqdm import tqdm
 
 from cylinder_friction.estimators.front_end import feature_count
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.execution.measuring import Took
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.files.whole_files import whole_folder, write_json
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
 from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.search_figures import write_search_page
-from cylinder_friction.run_record import RunRecord, Took
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import BEST_FILE, FINALS_FILE, SEARCH_FOLDER, SPACE_FILE, artifacts, flat
 from cylinder_friction.stages._training import NETWORK_MAE, RESUMED_CODE, LearningData, hybrid_from, resume_folder
 from cylinder_friction.tuning.finals import Final, best_final, finalists

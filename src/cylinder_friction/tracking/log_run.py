@@ -16,8 +16,9 @@ from mlflow.entities import DatasetInput, InputTag, Metric, Param, RunTag
 from mlflow.types import ColSpec, DataType
 from mlflow.utils import mlflow_tags as tag
 
+from cylinder_friction.execution.measuring import Took
 from cylinder_friction.files.whole_files import json_hash
-from cylinder_friction.run_record import Dataset, RunRecord, Took, records_in
+from cylinder_friction.run_record import Dataset, RunRecord, records_in
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
 
@@ -164,6 +165,10 @@ def _write(store: Store, experiment: str, record: RunRecord, root: Path, tags: d
     client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
     points = {name: [(value, took.ended_ms) for value in values] for name, values in record.curves.items()}
     points |= {name: [(value, took.ended_ms)] for name, value in record.metrics.items()}
+    for name in ("memory_mb", "processor_s") if took.samples else ():
+        points[f"system/{name}"] = [(sample[name], int(sample["time_ms"])) for sample in took.samples]
+    if took.peak_memory_mb:
+        points["system/peak_memory_mb"] = [(took.peak_memory_mb, took.ended_ms)]
     client.log_batch(
         run_id,
         [Metric(allowed(name), *point, step) for name, each in points.items() for step, point in enumerate(each)],

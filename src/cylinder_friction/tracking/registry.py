@@ -22,8 +22,9 @@ from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 from cylinder_friction.deployment.served_model import save_model_folder
 from cylinder_friction.dvc_hashes import known_hash
 from cylinder_friction.evaluation.reported import error_metrics
+from cylinder_friction.execution.measuring import now_ms
 from cylinder_friction.files.whole_files import hash_of, read_json
-from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord, now_ms, records_in
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord, records_in
 from cylinder_friction.tracking.gate import Candidate, Errors, decide
 from cylinder_friction.tracking.lineage import FILES, REASON, WRITTEN_ON_LOADING, download_estimator
 from cylinder_friction.tracking.log_run import allowed, find_run, log_in, log_pipeline
