@@ -16,10 +16,16 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from packed_pages import unpacked
 
 SAMPLE_TIME_S = 0.005
+
+
+@pytest.fixture(scope="session")
+def filters(cylinder: Cylinder) -> dict[str, SignalFilter]:
+    return filters_by_method(cylinder, {}, {}, {}, {})
 
 
 @pytest.fixture(scope="session")
@@ -71,19 +77,23 @@ def made_strokes(
     return Recording(RecordingMetadata("strokes", "1", "s1", SAMPLE_TIME_S, cylinder.name), table)
 
 
-def made_panes(subjects: Iterable[Inspected], labeller: Labeller, **options: Any) -> list[Pane]:
-    """Return the panes of subjects."""
+def made_panes(
+    subjects: Iterable[Inspected], labeller: Labeller, filters: dict[str, SignalFilter], **options: Any
+) -> tuple[list[Pane], Panes]:
+    """Return the panes of subjects, and what made them."""
     found = list(subjects)
-    making = Panes(labeller, SavitzkyGolay(), "savitzky_golay", **{"files": len(found), **options})
-    return [making.pane(number, subject) for number, subject in enumerate(found, start=1)]
+    making = Panes(labeller, filters, "savitzky_golay", **{"files": len(found), **options})
+    return [making.pane(number, subject) for number, subject in enumerate(found, start=1)], making
 
 
 def write_page_of(
     path: Path,
     subjects: Iterable[Inspected],
     labeller: Labeller,
+    filters: dict[str, SignalFilter],
     offsets: Iterable[KnownOffset] = (),
 ) -> str:
     """Write the page of subjects and return its text, with every pane unpacked."""
-    write_page(path, made_panes(subjects, labeller), list(offsets))
+    panes, making = made_panes(subjects, labeller, filters)
+    write_page(path, panes, making, list(offsets))
     return unpacked(path.read_text(encoding="utf-8"))

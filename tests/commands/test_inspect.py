@@ -208,8 +208,7 @@ def test_inspect_prints_the_checks_and_writes_the_page(
     assert told.startswith("condition1_session01_recording01.csv: usable for labelling; friction 334 N, both ways at")
     assert "  ok  " not in told, "what is in order is on the page"
     assert told.endswith("\n\n1 file: 1 ok\n\npage     page.html\n")
-    page = (workplace / "page.html").read_text(encoding="utf-8")
-    assert "condition1_session01" in page.replace("<wbr>", "")
+    assert "condition1_session01" in (workplace / "page.html").read_text(encoding="utf-8")
 
 
 def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(

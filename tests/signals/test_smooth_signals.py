@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
-from cylinder_friction.signals.causal_chain import MovingAverage
+from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.smooth_signals import (
     SignalFilter,
@@ -15,7 +15,7 @@ from cylinder_friction.signals.smooth_signals import (
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
 
 STEP_S = 0.005
-FILTERS = [MovingAverage(), CentredMovingAverage(), SavitzkyGolay(), RtsSmoother()]
+FILTERS = [MovingAverage(), OneSidedSavitzkyGolay(), CentredMovingAverage(), SavitzkyGolay(), RtsSmoother()]
 GENERATOR = np.random.default_rng(2)
 POSITION_M = 0.1 + np.cumsum(np.cumsum(GENERATOR.normal(0.0, 1e-6, 600)))
 LEVEL = np.cumsum(GENERATOR.normal(0.0, 3e3, 600)) + GENERATOR.normal(0.0, 5e3, 600)

@@ -72,7 +72,7 @@ def inspected(public: Any, rig: str, path: Path, load: LoadMode) -> Pane:
     labeller, recipe = Labeller(rules.CYLINDERS[rig], load=load), rules.recipe_of(rig)
     recipe = replace(recipe, limits=replace(recipe.limits, load=load))
     (subject,) = inspect_files({f"{rig}_{path.name}": path}, recipe)
-    return Panes(labeller, rules.FILTERS[rig], "savitzky_golay").pane(1, subject)
+    return Panes(labeller, {"savitzky_golay": rules.FILTERS[rig]}, "savitzky_golay").pane(1, subject)
 
 
 @pytest.mark.parametrize(("run", "least_n"), [("JibSineTest", 3500.0), ("Dual2SineTest", 3600.0)])

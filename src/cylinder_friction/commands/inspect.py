@@ -24,7 +24,9 @@ from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.signals.zero_phase import default_filter
+from cylinder_friction.signals.rts import RtsSmoother
+from cylinder_friction.signals.smooth_signals import SignalFilter
+from cylinder_friction.signals.zero_phase import SavitzkyGolay, default_filter
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
 from cylinder_friction.stages.offset import plan_from
@@ -45,9 +47,9 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     recipe = recipe_from(params)
     files = _files(path, params)
     labeller, plan = labeller_from(params, params.ingest.load), plan_from(params.offset)
-    method, no_offset = params.filter.method, LOADED.get(params.ingest.load, "")
-    chosen = filters_by_method(labeller.cylinder, **params.filter.model_dump(exclude={"method"}))[method]
-    making = Panes(labeller, chosen, method, len(files), plan, no_offset, in_pipeline=True)
+    filters = filters_by_method(labeller.cylinder, **params.filter.model_dump(exclude={"method"}))
+    no_offset = LOADED.get(params.ingest.load, "")
+    making = Panes(labeller, filters, params.filter.method, len(files), plan, no_offset, in_pipeline=True)
     return _inspect_files(files, recipe, making, page)
 
 
@@ -55,7 +57,7 @@ def _inspect_files(files: Mapping[str, Path], recipe: Recipe, making: Panes, pag
     panes = [making.pane(number, each) for number, each in enumerate(inspect_files(files, recipe), start=1)]
     evidence = [pane.offset for pane in panes if pane.offset is not None]
     offsets = known_offsets(evidence, making.labeller.cylinder, making.plan)
-    write_page(page, panes, offsets)
+    write_page(page, panes, making, offsets)
     subjects, loss = [pane.subject for pane in panes], named_loss(evidence)
     report = text_report(subjects, offsets).rstrip("\n")
     if loss is not None:
@@ -77,8 +79,14 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
     paths, names = [options.path, *options.overrides], options.names
     logs, notes = collect_notes(lambda: find_logs(paths, options.channels, cylinder, names=names, **given))
     load = logs.recipe.limits.load
-    labeller, no_offset = Labeller(cylinder, load=load), LOADED.get(load, "")
-    making = Panes(labeller, default_filter(cylinder), "adaptive", len(logs.files), OffsetPlan(), no_offset)
+    filters: dict[str, SignalFilter] = {
+        "adaptive": default_filter(cylinder),
+        "savitzky_golay": SavitzkyGolay(),
+        "rts": RtsSmoother(),
+    }
+    making = Panes(
+        Labeller(cylinder, load=load), filters, "adaptive", len(logs.files), OffsetPlan(), LOADED.get(load, "")
+    )
     report, refused = _inspect_files(logs.files, logs.recipe, making, options.output)
     return "\n".join([*(f"note     {note}" for note in notes), report]), refused
 

@@ -20,8 +20,8 @@ from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M
 from cylinder_friction.reporting.inspection.friction_figures import (
-    MM_PER_M,
     against_velocity,
     measured_panels,
     of_recordings,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 from types import ModuleType
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -21,6 +22,20 @@ def _loops() -> ModuleType:
     from cylinder_friction.signals import causal_loops  # Numba: labels need not wait for it
 
     return causal_loops
+
+
+class CausalBlock(Protocol):
+    """The protocol of causal filters: one row in, one row out, without looking ahead.
+
+    Implement it to use a filter of your own in a chain: ``advance`` must give the same bits however the input is cut
+    into pieces, and must not change anything but ``state``.
+    """
+
+    def new_state(self) -> Any:
+        """Return the state before the first sample; ``advance`` changes it in place."""
+
+    def advance(self, state: Any, inputs: Array) -> Array:
+        """Filter the next ``n`` inputs, shape ``(n, k)``; outputs have shape ``(n, m)``."""
 
 
 @dataclass

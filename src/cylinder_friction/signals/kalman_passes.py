@@ -1,10 +1,50 @@
 """A Kalman filter's pass over measurements, and the smoother's pass back over it."""
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.signals.kalman import KalmanModel
+
+
+@dataclass
+class KalmanState:
+    """Pressure 1, pressure 2, position, velocity, acceleration; None before the first sample."""
+
+    estimate: Array | None = None
+
+
+class SteadyKalman:
+    """The Kalman filter with its steady gains, as a causal block: the causal form of ``RtsSmoother``.
+
+    It assumes that everything stood still at the first sample before it. A pressure is a random walk; the position's
+    model has position, velocity and acceleration.
+    """
+
+    def __init__(self, pressure: KalmanModel, position: KalmanModel) -> None:
+        pressure_gain, position_gain = (model.gains.filter[-1:] for model in (pressure, position))
+        self._signals = (
+            (pressure.transition, pressure_gain, slice(0, 1)),
+            (pressure.transition, pressure_gain, slice(1, 2)),
+            (position.transition, position_gain, slice(2, 5)),
+        )
+
+    def new_state(self) -> KalmanState:
+        return KalmanState()
+
+    def advance(self, state: KalmanState, inputs: Array) -> Array:
+        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
+        if len(inputs) == 0:
+            return np.empty((0, 4))
+        if state.estimate is None:
+            state.estimate = np.concatenate([inputs[0], np.zeros(2)])
+        result = np.empty((len(inputs), 5))
+        for column, (transition, gain, own) in enumerate(self._signals):
+            measured = np.ascontiguousarray(inputs[:, column])
+            _, result[:, own] = _filter(transition, gain, state.estimate[own], measured)
+        return result[:, [0, 1, 3, 4]]
 
 
 def smooth_states(model: KalmanModel, measured: Array) -> Array:

@@ -18,6 +18,8 @@ STANDSTILL_DURATION_S = 0.5
 """Shortest rest [s]; a shorter one cannot be told from noise."""
 CREEP_M_S = 2e-4
 """A mean velocity below this over that time counts as standstill."""
+LEAST_STANDSTILL_S = 1.0
+"""Least total standstill from which noise is determined [s]."""
 
 
 def direction_of_motion(velocity_m_s: Array, slowest_m_s: float) -> Array:

@@ -1,12 +1,19 @@
 """The Rauch-Tung-Striebel smoother: the optimal off-line filter of a linear model."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.signals.causal_chain import CausalFilter
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
 from cylinder_friction.signals.smooth_signals import SignalFilter, Support
+
+if TYPE_CHECKING:
+    from cylinder_friction.signals.kalman_passes import SteadyKalman
 
 
 def _passes() -> ModuleType:
@@ -37,6 +44,10 @@ class RtsSmoother(SignalFilter):
         """Return the models of a pressure and of the position, in units of their sensors' noise."""
         return _models(self.pressure_time_s, self.motion_time_s, sample_time_s)
 
+    def causal(self) -> KalmanFilter:
+        """Build the Kalman filter of the same models: this smoother without its look-ahead."""
+        return KalmanFilter(self)
+
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         return _passes().smooth_states(self.models(sample_time_s)[0], force_n)[:, 0].copy()
 
@@ -48,3 +59,16 @@ class RtsSmoother(SignalFilter):
         """Count the rows after which less than 1 % of a disturbance remains; strictly all rows have an influence."""
         rows = max(model.memory_rows() for model in self.models(sample_time_s))
         return Support(rows, rows)
+
+
+@dataclass(frozen=True)
+class KalmanFilter(CausalFilter):
+    """The Kalman filter of an ``RtsSmoother``, with its steady gains."""
+
+    smoother: RtsSmoother
+
+    def block(self, sample_time_s: float) -> SteadyKalman:
+        return _passes().SteadyKalman(*self.smoother.models(sample_time_s))
+
+    def support(self, sample_time_s: float) -> Support:
+        return Support(self.smoother.support(sample_time_s).before, 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 
@@ -49,6 +50,9 @@ class Support:
 
 class SignalFilter(ABC):
     """Smooths pressures and differentiates position, over a whole recording."""
+
+    linear: ClassVar[bool] = True
+    """Whether the filter is linear, and so has a frequency response."""
 
     @abstractmethod
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:

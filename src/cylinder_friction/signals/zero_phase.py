@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.signals.causal import cascade_taps
-from cylinder_friction.signals.causal_chain import MovingAverage
+from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X, window_samples
 
@@ -75,6 +76,10 @@ class SavitzkyGolay(SignalFilter):
                     f"Savitzky-Golay for {signal}: expected a positive window and an order of at least {derivative}, "
                     f"but got window {window_s} s and order {order}"
                 )
+
+    def causal(self) -> OneSidedSavitzkyGolay:
+        """Build the causal filter with the same windows and orders."""
+        return OneSidedSavitzkyGolay(**vars(self))
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         return _fitted(force_n, self._windows(sample_time_s)[0], self.pressure_order)
@@ -165,6 +170,8 @@ class AdaptiveWindow(SignalFilter):
     Raises:
         ValueError: A length or the confidence is not positive, or the shortest window is longer than the longest.
     """
+
+    linear: ClassVar[bool] = False
 
     piston_area_m2: float
     annulus_area_m2: float

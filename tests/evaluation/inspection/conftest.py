@@ -1,3 +1,3 @@
 """The fixtures of the inspection's tests."""
 
-from inspected_recordings import labeller, strokes  # noqa: F401
+from inspected_recordings import filters, labeller, strokes  # noqa: F401

@@ -18,13 +18,15 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_strokes, stated
 
+Filters = dict[str, "SignalFilter"]
 
-def finding(recording: Recording, labeller: Labeller) -> Finding:
+
+def finding(recording: Recording, labeller: Labeller, filters: Filters) -> Finding:
     """Return what the inspection states of a recording's friction."""
-    view = friction_view(recording, labeller, SavitzkyGolay())
+    view = friction_view(recording, labeller, filters["savitzky_golay"])
     zero_n = zero_uncertainty_n(view.labelled, labeller.cylinder)
     return friction_finding(view, sliding_friction(view), zero_n, OffsetPlan())
 
@@ -37,8 +39,10 @@ def one_way(cylinder: Cylinder, force_n: float) -> Recording:
     return strokes.with_columns(position_m=0.02 + 0.2 * path_m / path_m[-1], pressure_1_pa=pressure_1_pa)
 
 
-def test_mean_friction_is_that_of_the_strokes_in_both_directions(cylinder: Cylinder, labeller: Labeller) -> None:
-    friction = sliding_friction(friction_view(stated(made_strokes(cylinder)), labeller, SavitzkyGolay()))
+def test_mean_friction_is_that_of_the_strokes_in_both_directions(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
+    friction = sliding_friction(friction_view(stated(made_strokes(cylinder)), labeller, filters["savitzky_golay"]))
     assert list(friction) == ["extending", "retracting"]
     for mean in friction.values():  # 300 N + 1500 N s/m at 10, 20, 40 and 80 mm/s, for equal times
         assert mean.mean_n == pytest.approx(300.0 + 1500.0 * 0.0375, rel=0.05)
@@ -98,13 +102,17 @@ def turned(recording: Recording) -> Recording:
 
 
 @pytest.mark.parametrize("what", FINDINGS)
-def test_the_finding_states_friction_or_why_it_cannot(what: str, cylinder: Cylinder, labeller: Labeller) -> None:
+def test_the_finding_states_friction_or_why_it_cannot(
+    what: str, cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
     made, outcome, words = FINDINGS[what]
-    found = finding(made(cylinder), labeller)
+    found = finding(made(cylinder), labeller, filters)
     assert found.outcome == outcome
     assert words in found.text
 
 
-def test_a_load_that_position_decides_is_taken_off_before(cylinder: Cylinder, labeller: Labeller) -> None:
+def test_a_load_that_position_decides_is_taken_off_before(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
     taken_off = replace(labeller, load="position")
-    assert finding(made_strokes(cylinder, load_n=4000.0), taken_off).outcome == "ok"
+    assert finding(made_strokes(cylinder, load_n=4000.0), taken_off, filters).outcome == "ok"

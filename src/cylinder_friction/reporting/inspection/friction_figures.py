@@ -16,11 +16,11 @@ from cylinder_friction.friction_models.identification.steady_points import (
 )
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, PA_PER_BAR
 from cylinder_friction.reporting.page import Line, PageFigure, Panel, Table, compact, speed_ticks, spread_evenly
 from cylinder_friction.reporting.style import BLUE, BROWN, GREEN, INK, ORANGE, PALE, QUIET, SERIES
 from cylinder_friction.wording import four_digits
 
-MM_PER_M, PA_PER_BAR = 1e3, 1e5
 CURVE_POINTS = 200
 WIDE = 200
 """Number of recordings from which their marks are small."""

@@ -1,20 +1,23 @@
 """The inspection of a file or a folder as one HTML page: friction and verdict of every file, and a pane for each."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 
+from cylinder_friction.evaluation.inspection.filter_costs import MOTION_HZ, FilterCost
 from cylinder_friction.evaluation.inspection.sliding_friction import WAYS
 from cylinder_friction.evaluation.inspection.subject import OUTCOMES, VERDICTS, count_outcomes
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.reporting.friction_page import offset_table
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, MS_PER_S, filter_figure
 from cylinder_friction.reporting.inspection.friction_figures import compared, of_files
-from cylinder_friction.reporting.inspection.recording_pane import Pane
+from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
 from cylinder_friction.reporting.page import NONE, Cell, Table, page_html
 
 
-def write_page(path: Path, panes: Sequence[Pane], offsets: Sequence[KnownOffset] = ()) -> None:
+def write_page(path: Path, panes: Sequence[Pane], made_by: Panes, offsets: Sequence[KnownOffset] = ()) -> None:
     """Write the page whole; equal input makes equal bytes."""
     counts = count_outcomes([pane.subject for pane in panes])
     html = page_html(
@@ -27,7 +30,11 @@ def write_page(path: Path, panes: Sequence[Pane], offsets: Sequence[KnownOffset]
         offsets=offset_table(offsets) if offsets else None,
         comparison=compared({pane.subject.title: pane.points for pane in panes}),
         panes=panes,
-        rates=[f"{1.0 / step_s:g}" for step_s in dict.fromkeys(filter(None, (pane.sample_time_s for pane in panes)))],
+        filters=[
+            (f"{1.0 / step_s:g}", title, filter_figure(costs), _filter_table(costs), _filter_notes(costs, left_out))
+            for step_s, (title, costs, left_out) in made_by.costs.items()
+            if costs
+        ],
     )
     write_text(path, html)
 
@@ -63,3 +70,40 @@ def _files(panes: Sequence[Pane]) -> Table:
     head: list[str | Cell] = ["file", *(Cell(f"{way} [N]", tip=tip) for way in WAYS), "outcome", "verdict"]
     outcomes = [pane.subject.outcome for pane in panes]
     return Table(head, rows, words=(3, 4), style="stacked", sortable=True, outcomes=outcomes)
+
+
+def _filter_notes(costs: Sequence[FilterCost], left_out: Sequence[str]) -> str:
+    notes = [f"Left out: {words}." for words in left_out]
+    if any(math.isnan(cost.velocity_noise_m_s) for cost in costs):
+        notes.append("Noise at standstill needs a second of it in all; that recording rests less.")
+    return " ".join(notes)
+
+
+def _filter_table(costs: Sequence[FilterCost]) -> Table:
+    head = ["filter", "use", "pressure", "velocity", "acceleration", f"velocity, {MOTION_HZ:g}\u00a0Hz"]
+    head += ["pressure", "velocity", "standstill", "sensor"]
+    rows = []
+    for cost in costs:
+        late = (
+            cost.pressure_delay_s,
+            cost.velocity_delay_s,
+            cost.acceleration_delay_s,
+            cost.velocity_delay_in_motion_s,
+        )
+        rows.append(
+            (
+                cost.name,
+                "real\u00a0time" if cost.causal else "off\u00a0line",
+                *(f"{MS_PER_S * delay_s:z.1f}" if math.isfinite(delay_s) else "–" for delay_s in late),
+                *(
+                    "all" if math.isinf(hz) else f"{hz:.1f}"
+                    for hz in (cost.pressure_bandwidth_hz, cost.velocity_bandwidth_hz)
+                ),
+                *(
+                    "–" if math.isnan(noise) else f"{MM_PER_M * noise:.2g}"
+                    for noise in (cost.velocity_noise_m_s, cost.velocity_noise_from_sensor_m_s)
+                ),
+            )
+        )
+    groups = (("", 2), ("late by [ms]", 4), ("-3 dB at [Hz]", 2), ("velocity noise [mm/s]", 2))
+    return Table(head, rows, groups=groups)

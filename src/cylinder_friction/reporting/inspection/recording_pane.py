@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from cylinder_friction.evaluation.inspection.filter_costs import FilterCost, filter_costs
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView, friction_view
 from cylinder_friction.evaluation.inspection.sliding_friction import MeanFriction, friction_finding, sliding_friction
+from cylinder_friction.evaluation.inspection.spectra import signal_spectra
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst_first
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
@@ -17,6 +19,7 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.reporting.inspection.frequency_figures import spectra
 from cylinder_friction.reporting.inspection.friction_figures import (
     COLUMNS,
     against_position,
@@ -44,7 +47,6 @@ class Pane:
     subject: Inspected  # The inspected file, without its recording
     html: str  # Packed part of the page
     condition: str = ""  # Condition of its recording
-    sample_time_s: float | None = None  # Sample time of its recording [s]; None for a refused file
     # From ``sliding_friction``; empty if it could not be calculated, or is not friction alone
     friction: Mapping[str, MeanFriction] = field(default_factory=dict)
     points: tuple[SteadyPoint, ...] = ()  # Points of steady sliding
@@ -52,17 +54,24 @@ class Pane:
 
 
 class Panes:
-    """Makes panes one after the other.
+    """Makes panes one after the other; it keeps only the costs of filters at each rate.
 
-    Velocity and friction are shown with ``signal_filter``, whose name is ``method``. With more ``files`` each gets
-    fewer points, so that the page stays small. ``plan`` and ``no_offset`` are those of ``offset_evidence``,
-    ``in_pipeline`` is that of ``windows_at``.
+    Velocity and friction are shown with the filter ``method``. With more ``files`` each gets fewer points, so that the
+    page stays small. ``plan`` and ``no_offset`` are those of ``offset_evidence``, ``in_pipeline`` is that of
+    ``windows_at``.
+
+    Attributes:
+        costs: By sample time [s]: title of the first usable recording, costs of the filters there, and the filters that
+            are left out with the reasons.
+
+    Raises:
+        ValueError: The method is not one of the filters.
     """
 
     def __init__(
         self,
         labeller: Labeller,
-        signal_filter: SignalFilter,
+        filters: Mapping[str, SignalFilter],
         method: str,
         files: int = 1,
         plan: OffsetPlan | None = None,
@@ -70,20 +79,23 @@ class Panes:
         *,
         in_pipeline: bool = False,
     ) -> None:
-        self.labeller, self.signal_filter, self.method = labeller, signal_filter, method
+        if method not in filters:
+            raise ValueError(f"method: expected one of {', '.join(filters)}, but got {method!r}")
+        self.labeller, self.filters, self.method = labeller, filters, method
         self.plan, self.no_offset, self.in_pipeline = plan or OffsetPlan(), no_offset, in_pipeline
         self.detail = min(1.0, max(LEAST_DETAIL, FULL_DETAIL / max(1, files)))
+        self.costs: dict[float, tuple[str, list[FilterCost], list[str]]] = {}
 
     def pane(self, number: int, subject: Inspected) -> Pane:
         """Build the pane of a subject, the page's pane ``number``; if there is no friction it states why."""
         recording, name = subject.recording, f"recording-{number}"
         if recording is None:
             return Pane(name, subject, _packed(subject))
-        view, friction, offset = None, {}, None
-        if windows := windows_at(self.signal_filter, recording.sample_time_s, in_pipeline=self.in_pipeline):
+        view, friction, offset, method = None, {}, None, self.filters[self.method]
+        if windows := windows_at(method, recording.sample_time_s, in_pipeline=self.in_pipeline):
             subject = replace(subject, findings=[*subject.findings, Finding("filter_windows", "noted", windows)])
         try:
-            view = friction_view(recording, self.labeller, self.signal_filter)
+            view = friction_view(recording, self.labeller, method)
         except ValueError as error:
             if subject.outcome != "refused":
                 subject = subject.with_findings(_without_friction(error, self.labeller))
@@ -97,11 +109,13 @@ class Panes:
                 subject = replace(subject, findings=[*subject.findings, Finding("load", "ok", view.load)])
         if subject.outcome == "refused":
             friction = {}
+        elif recording.sample_time_s not in self.costs:
+            self.costs[recording.sample_time_s] = (subject.title, *filter_costs(self.filters, recording))
         html = _packed(subject, friction=friction, method=self.method, **self._content(recording, view))
         points = view.points if view is not None and friction else ()
-        known = None if subject.outcome == "refused" else recording.sample_time_s
-        subject = replace(subject, recording=None)
-        return Pane(name, subject, html, recording.metadata.condition, known, friction, points, offset)
+        return Pane(
+            name, replace(subject, recording=None), html, recording.metadata.condition, friction, points, offset
+        )
 
     def _content(self, recording: Recording, view: FrictionView | None) -> dict[str, Any]:
         """Collect the template's content for a recording that was read."""
@@ -114,7 +128,10 @@ class Panes:
         figures["velocity"] = against_velocity(view, cloud)
         if view.direction.any():
             figures["position"] = against_position(view, recording.column("position_m"), cloud)
-        return content | {"curve": stribeck_table(view)}
+        _, costs, _ = self.costs.get(recording.sample_time_s, ("", [], []))
+        cost = next((each for each in costs if each.name == self.method), None)
+        figures["spectra"] = spectra(signal_spectra(recording, view.signals.velocity_m_s), cost)
+        return content | {"curve": stribeck_table(view), "has_cut_off": cost is not None}
 
 
 def _without_friction(error: ValueError, labeller: Labeller) -> Finding:
