@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, median
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
 
 _GREATEST_ROUNDS = 50
@@ -47,7 +47,7 @@ def robust_fit(
         root = np.sqrt(weights)
         found = solve(scaled * root[:, None], target * root)
         residuals = np.asarray(target - scaled @ found)
-        threshold = multiple * 1.4826 * median(np.abs(residuals))
+        threshold = multiple * 1.4826 * float(np.median(np.abs(residuals)))
         settled = np.max(np.abs(found - coefficients)) <= _SETTLED * (np.max(np.abs(found)) + 1e-300)
         coefficients = np.asarray(found)
         if settled or threshold <= 0.0:

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cylinder_friction.arrays import Array, median
+from cylinder_friction.arrays import Array
 
 BLOCK = 4
 """Samples of a mean: the most over which a logger's filter spreads noise."""
@@ -53,5 +53,5 @@ def _second_difference_noise(values: Array) -> float:
     sizes = np.abs(steps[1:] - steps[:-1]) / 6.0**0.5
     if not len(sizes):
         return 0.0
-    inner = 3.0 * median(sizes) / MEDIAN_OF_NORMAL
+    inner = 3.0 * float(np.median(sizes)) / MEDIAN_OF_NORMAL
     return float(np.sqrt(np.mean(np.square(sizes[sizes <= inner])) / VARIANCE_WITHIN_3))

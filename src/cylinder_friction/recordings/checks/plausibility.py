@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, median, quantile
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode, Outcome
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
@@ -128,8 +128,8 @@ def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> t
     moved = later(half) - later(-half)
     bend = later(2 * half) - 2.0 * here + later(-2 * half)
     jitter = later(1) - 2.0 * here + later(-1)
-    noise = median(np.abs(jitter)) / 1.65  # median of |second difference| of white noise is 1.65 sigma
-    top = quantile(np.abs(moved), 0.95)
+    noise = float(np.median(np.abs(jitter))) / 1.65  # median of |second difference| of white noise is 1.65 sigma
+    top = float(np.quantile(np.abs(moved), 0.95))
     clear = (
         (np.abs(moved) > max(0.2 * top, 6.0 * noise))
         & (here > 0.05 * stroke_m)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, quantile, true_runs
+from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, Outcome, spoken
 from cylinder_friction.recordings.checks.plausibility import check_friction
 from cylinder_friction.recordings.columns import (
@@ -244,7 +244,7 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
     """
     step_s = float(time_s[1] - time_s[0])
     bend_m = np.abs(np.diff(position_m, 2))
-    usual_m = quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95)
+    usual_m = float(np.quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95))
     bent = np.flatnonzero(bend_m > max(NOISE * usual_m, STROKES * stroke_m)) + 1
     groups = np.split(bent, np.flatnonzero(np.diff(bent) * step_s > TOGETHER_S) + 1) if len(bent) else []
     found = [(int(each[0]), *_described(position_m, time_s, int(each[0]), int(each[-1]), stroke_m)) for each in groups]
@@ -276,11 +276,11 @@ def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
     """
     change_m = np.diff(x_m, 4)
     stretches_m = change_m[: len(change_m) // rows * rows].reshape(-1, rows)
-    level_m = np.sort(np.abs(stretches_m), axis=1)[:, (rows - 1) // 2 : rows // 2 + 1].mean(axis=1)  # the median
+    level_m = np.median(np.abs(stretches_m), axis=1)
     alive = (stretches_m[:, 1:] * stretches_m[:, :-1] < 0.0).mean(axis=1) > ALTERNATES
     if np.count_nonzero(alive) * rows < ALIVE_S / (time_s[1] - time_s[0]):
         return ""
-    usual_m = quantile(level_m[alive], QUIETEST)
+    usual_m = float(np.quantile(level_m[alive], QUIETEST))
     noisy = np.flatnonzero(alive & (level_m > max(NOISIER * usual_m, FAINT * stroke_m)))
     if len(noisy) * rows < STILL_S / (time_s[1] - time_s[0]):
         return ""

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask, quantile, true_runs
+from cylinder_friction.arrays import Array, Mask, true_runs
 from cylinder_friction.recordings.checks.limits import spoken
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
@@ -142,10 +142,11 @@ def _spike_height(values: Array, step: float | None) -> float:
     before, here, after = (values[first : len(values) - 2 + first : stride] for first in (0, 1, 2))
     up, down = here - before, here - after
     sticks_out = np.maximum(np.maximum(np.minimum(up, down), -np.maximum(up, down)), 0.0)
+    lowest, highest = np.quantile(here, (0.01, 0.99)).tolist()
     finest = step or float(np.where(up != 0.0, np.abs(up), math.inf).min())
     tallest = max(
-        SPIKE_NOISE * quantile(sticks_out, 0.95),
-        SPIKE_RANGE * (quantile(here, 0.99) - quantile(here, 0.01)),
+        SPIKE_NOISE * float(np.quantile(sticks_out, 0.95)),
+        SPIKE_RANGE * (highest - lowest),
         SPIKE_STEPS * finest if math.isfinite(finest) else 0.0,
     )
     return tallest if tallest > 0.0 else math.inf

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.arrays import Array, median
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
 from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
@@ -149,7 +149,7 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
         steps_s = np.diff(time_s[np.isfinite(time_s)])
         if len(steps_s) < FEWEST_ROWS:
             continue
-        own_hz = [1.0 / step_s for step_s in (steps_s.mean(), median(steps_s)) if step_s > 0.0]
+        own_hz = [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0]
         if not own_hz:
             continue
         known = [each.channel for each in stamps if each.table == clock.table]
