@@ -147,6 +147,11 @@ def test_an_asymmetry_far_beyond_the_plan_is_no_offset(cylinder: Cylinder) -> No
     assert model.plan.asymmetry_sd == pytest.approx(0.25, rel=0.5)
 
 
+def test_a_session_whose_friction_drives_the_piston_says_nothing_about_asymmetry(cylinder: Cylinder) -> None:
+    recordings = [*campaign(cylinder).values(), sliding(cylinder, "reversed", 60.0, level=-0.3)]
+    assert fit_offset_model(recordings, cylinder).plan.asymmetry == pytest.approx(0.15)
+
+
 def test_the_mean_of_all_sessions_stays_as_uncertain_as_the_zeros(cylinder: Cylinder) -> None:
     recordings = [sliding(cylinder, f"s{number}", 10.0) for number in range(9)]
     model = fit_offset_model(recordings, cylinder)

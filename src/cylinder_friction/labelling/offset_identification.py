@@ -60,6 +60,8 @@ _SURE = np.array([1.0, 1.0, 0.8, 1.0, 1.0])
 _LEAST_ASYMMETRY = 1e-4
 _LEAST_NOISE = 1e-4
 """Least noise over friction's level; simulated friction without noise would make the equations singular."""
+_LEAST_FRICTION = 0.1
+"""Least friction of a session, over the level of all, that tells how asymmetric friction is."""
 _STARTS = (0.003, 0.03, 0.15)
 """Further starts of the search for a session's own asymmetry, since offset and asymmetry explain much the same."""
 MAY_DIFFER = 0.25
@@ -302,7 +304,8 @@ def offset_model(
             f"{', '.join(by_name)}; expected strokes faster than "
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
-    asymmetry, blocks = max(plan.asymmetry, _asymmetry_seen(sessions)), SlidingBlocks.together(sessions)
+    blocks = SlidingBlocks.together(sessions)
+    asymmetry = max(plan.asymmetry, _asymmetry_seen(sessions, blocks.level_n))
     few = MAY_DIFFER * asymmetry / max(len(sessions) - 1, 1)
     varies = plan.asymmetry_sd * (asymmetry / plan.asymmetry if plan.asymmetry > 0.0 else 1.0)
     plan = replace(plan, asymmetry=asymmetry, asymmetry_sd=math.hypot(varies, 2.0 * few))
@@ -314,12 +317,14 @@ def offset_model(
     return _with_sessions(model, sessions, *offsets)
 
 
-def _asymmetry_seen(sessions: Sequence[SlidingBlocks]) -> float:
-    """Compute the asymmetry of friction: root mean square over sessions, minus the part that zeros explain."""
+def _asymmetry_seen(sessions: Sequence[SlidingBlocks], level_n: float) -> float:
+    """Compute the asymmetry of friction: root mean square over sessions, minus the part that zeros explain.
+
+    A session whose friction hardly opposes its motion says nothing about it.
+    """
     halves = [(*session.halves_n(), session.prior_n) for session in sessions]
-    squares = [
-        (even_n**2 - prior_n**2) / max(odd_n, 1e-9) ** 2 for even_n, odd_n, prior_n in halves if not math.isnan(even_n)
-    ]
+    least_n = _LEAST_FRICTION * level_n
+    squares = [(even_n**2 - prior_n**2) / odd_n**2 for even_n, odd_n, prior_n in halves if odd_n > least_n]
     return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
 
 
