@@ -1,6 +1,7 @@
 """The command ``identify``: what it prints, and its exit status."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +29,13 @@ def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pyte
     printed = capsys.readouterr().out
     assert "LuGre: 1 recording, error " in printed
     assert "viscous_n_s_m" in printed
-    assert "static_n               not determined: at the slowest steady sliding" in printed
+    for name in ("static_n", "stribeck_velocity_m_s", "stribeck_exponent"):
+        assert re.search(rf"{name} +not determined: at the slowest steady sliding, .*; record slower strokes", printed)
     assert "LuGre, pressure-scaled: not identified: the sum of both pressures" in printed
     assert f"page     {tmp_path}/out/friction_models.html" in printed
+    assert 'parameter Real static_n(unit = "N") "Fs' in (tmp_path / "out/lugre.mo").read_text(encoding="utf-8")
+    assert "friction.static_n = NaN; % [N] Fs" in (tmp_path / "out/lugre.m").read_text(encoding="utf-8")
+    assert not (tmp_path / "out/pressure_lugre.mo").exists()
 
 
 def test_json_and_status_of_a_failure(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:

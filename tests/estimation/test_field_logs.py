@@ -13,7 +13,6 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
 from cylinder_friction.estimation.results import remarks
-from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recording
 
 LOGS = Path(__file__).parents[2] / "../shared/data/field-logs"
@@ -80,25 +79,6 @@ def test_friction_and_start(tmp_path: Path, file: str, options: dict[str, Any], 
     assert np.quantile(np.abs(velocity_m_s), 0.99) == pytest.approx(0.1, rel=0.03)
     assert recording.metadata.start.partition(".")[0] == start.partition(".")[0]
     assert recording.metadata.start.endswith("Z") == start.endswith("Z")
-
-
-@pytest.mark.parametrize(
-    ("file", "words"),
-    [
-        ("row-counter/log.csv.gz", r"'column_1' steps by exactly 1, so that it may count rows, .*--unit time=200Hz"),
-        ("row-counter/heavy_300kg.csv.gz", r"time_s cannot be guessed: 'column_1' steps by exactly 1"),
-        ("one-row-per-tag/panel.csv.gz", r"one row per value: 'VarName' names 'Zylinder_pA', .*pivot\(index='Time_ms'"),
-        ("text-cells/pico.csv.gz", r"that of pressure_1_pa, pressure_2_pa, position_m cannot be guessed; state cha"),
-    ],
-)
-def test_what_a_file_does_not_state_is_asked_for(tmp_path: Path, file: str, words: str) -> None:
-    with pytest.raises(RecordingError, match=words):
-        estimate_logs(LOGS / file, CYLINDER, tmp_path / "friction")
-
-
-def test_coarse_pressures_without_a_stated_resolution_are_refused(tmp_path: Path) -> None:
-    (refused,) = estimate_logs(LOGS / "coarse-pressures/log.csv.gz", CYLINDER, tmp_path / "friction").refused
-    assert "or its values are rounded: then state its range and bits as its sensor in the mapping" in refused.reason
 
 
 def test_a_second_rod_that_is_not_stated_is_asked_for(tmp_path: Path) -> None:

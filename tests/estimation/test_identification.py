@@ -75,24 +75,6 @@ def test_file_and_page_hold_every_point_and_what_was_refused(result: FrictionMod
 
 
 @pytest.mark.extended
-def test_without_slow_sliding_and_other_loads_the_rest_is_stated(tmp_path: Path, cylinder: Cylinder) -> None:
-    """Strokes from 20 mm/s on under one great load: no static friction, no law of pressure."""
-    speeds = [*np.geomspace(0.02, 0.2, 9)] * 2
-    write_lugre_log(tmp_path / "fast.csv", TRUTH, cylinder, speeds, pressure_2_pa=(6e6, 2e5))
-    result = identify_logs(tmp_path / "fast.csv", cylinder, tmp_path / "out", channels=CHANNELS, generations=1)
-    assert "the sum of both pressures runs from" in model_of(result, "pressure_lugre").why_not
-    parameters = {each.name: each for each in model_of(result, "lugre").parameters}
-    assert parameters["coulomb_n"].value == pytest.approx(240.0 + 4e-5 * 1.09e7, rel=0.15)
-    for name in SLOW:
-        assert parameters[name].value is None
-        assert parameters[name].interval is None
-        assert "record slower strokes" in parameters[name].note
-    assert 'parameter Real static_n(unit = "N") "Fs' in (tmp_path / "out/lugre.mo").read_text(encoding="utf-8")
-    assert "friction.static_n = NaN; % [N] Fs" in (tmp_path / "out/lugre.m").read_text(encoding="utf-8")
-    assert not (tmp_path / "out/pressure_lugre.mo").exists()
-
-
-@pytest.mark.extended
 def test_the_plain_model_is_named_where_pressure_changes_nothing(tmp_path: Path, cylinder: Cylinder) -> None:
     for number, pressure_pa in enumerate((8e5, 16e5), start=1):
         pressures, truth = (pressure_pa, 4e5), lugre_to_find(300.0, 0.0)

@@ -195,17 +195,6 @@ def test_a_recording_of_several_counts_with_the_others_of_its_log(run: Run, fold
     assert run().new == ("log03_part1", "log03_part2")
 
 
-def test_what_is_no_result_is_neither_read_nor_written_over(run: Run, folder: Path) -> None:
-    run()
-    deliver(folder, 5)
-    mine = folder.with_name("out") / "log05.parquet"
-    mine.write_text("mine", encoding="utf-8")
-    with pytest.raises(FileExistsError, match=r"log05.parquet: is in the place of a result, but no earlier run wrote"):
-        run()
-    mine.unlink()
-    assert run().new == ("log05",)
-
-
 @pytest.mark.extended
 def test_after_a_kill_at_any_moment_the_next_run_ends_in_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     def command(out: str) -> subprocess.Popen[bytes]:

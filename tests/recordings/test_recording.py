@@ -1,7 +1,6 @@
 """A recording's columns: checked, kept as they are, and never changed."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from cylinder_friction.arrays import Array
@@ -10,12 +9,6 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 ABOUT = RecordingMetadata("a", "1", "s", sample_time_s=0.01)
 COLUMNS = {name: np.arange(5.0) for name in ("time_s", "position_m", "pressure_1_pa", "pressure_2_pa")}
 WHOLE = Recording(ABOUT, COLUMNS)
-
-
-def test_columns_and_a_table_make_the_same_recording() -> None:
-    one, other = WHOLE, Recording(ABOUT, pd.DataFrame(COLUMNS))
-    pd.testing.assert_frame_equal(one.table, other.table)
-    assert len(one) == len(other) == 5
 
 
 def test_what_is_derived_leaves_the_recording_as_it_was() -> None:

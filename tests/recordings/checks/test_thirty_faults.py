@@ -16,7 +16,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.recording_checks import check_position_steps
 from cylinder_friction.recordings.conversion import Quarantined, recordings_of
 from cylinder_friction.recordings.logs import find_logs
-from logger_files import CHANNELS, made_log
+from logger_files import STATED, made_log
 
 ROWS, LEAST_NAMED = 8000, 28
 
@@ -79,8 +79,6 @@ OTHERS: dict[str, tuple[Change, str]] = {
     "a second lost": (lambda log: log.drop(index=range(2000, 2200)), "split at 1 gap of more than 2 lost samples"),
     "the clock restarts": (lambda log: log.assign(t=log["t"] % 20.0), "split at 1 restart of the clock"),
 }
-SENSOR = {"sensor": {"range": [0.0, 250.0], "unit": "bar"}}
-STATED = CHANNELS | {name: CHANNELS[name] | SENSOR for name in ("pressure_1_pa", "pressure_2_pa")}
 
 
 def fastest(x: Array, first: int, last: int) -> int:

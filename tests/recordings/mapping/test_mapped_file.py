@@ -33,6 +33,7 @@ def table(name: str, **columns: Any) -> LoggedTable:
     return LoggedTable(pd.DataFrame(columns), name=name)
 
 
+COUNTS = ChannelMapping("a", "count", sensor=SensorScale((0.0, 10.0), "bar", (0.0, 10.0)))
 AGREEING = {"a": "Bar", "b": "PSI", "x": "[mm]", "t": "msec", "spare": "MPa"}
 RENAMED_TIME = LoggedTable(logged().channels.rename(columns={"t": "time"}))
 OTHER_NAMES = {"time_s": ChannelMapping("t", "ms", alternatives=("time", "Name"))}
@@ -43,7 +44,9 @@ OTHER_NAMES = {"time_s": ChannelMapping("t", "ms", alternatives=("time", "Name")
     [
         (logged(), {}, [1e5, 2e5]),
         (logged(units=AGREEING), {}, [1e5, 2e5]),
+        *[(logged(units={"a": no_unit}), {}, [1e5, 2e5]) for no_unit in ("A", "rod", "-", "")],  # port A, a side
         (logged(units=AGREEING), {"time_s": ChannelMapping("t")}, [1e5, 2e5]),  # its unit stands in the file
+        (logged(units={"a": "counts"}), {"pressure_1_pa": COUNTS}, [1e5, 2e5]),
         (logged(units={"a": "bara"}), {"pressure_1_pa": ChannelMapping("a", "bara")}, [1e5 - 101325.0, 2e5 - 101325.0]),
         (logged(), OTHER_NAMES, [1e5, 2e5]),
         (RENAMED_TIME, OTHER_NAMES, [1e5, 2e5]),
@@ -90,15 +93,6 @@ def test_each_table_keeps_its_own_time(slow: LoggedTable, time: str | None) -> N
     signals = map_signals([table("fast", **FAST), slow], mapping).signals
     np.testing.assert_allclose(signals["pressure_1_pa"].time_s, np.arange(6) * 0.005)
     np.testing.assert_allclose(signals["position_m"].time_s, np.arange(3) * 0.01)
-
-
-def test_rate_makes_time_where_none_is_logged() -> None:
-    mapping = MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)}
-    signals = map_signals([logged()], mapping).signals
-    np.testing.assert_array_equal(signals["position_m"].time_s, [0.0, 0.005])
-    assert signals["position_m"].time_s is signals["pressure_1_pa"].time_s
-    with pytest.raises(RecordingError, match=r"rate_hz = 200 Hz: 'fast' has 6, 'slow' has 3 rows"):
-        map_signals([table("fast", **FAST), table("slow", **SLOW)], mapping)
 
 
 ROWS = np.arange(40)
@@ -212,6 +206,7 @@ DATED = FAST | {"t": pd.Timestamp("2026-03-14") + pd.to_timedelta(np.arange(6) *
 SLOW_TIME, NO_TIME = table("slow", t2=[0.0, 1.0, 2.0], x=np.zeros(3)), table("slow", x=np.zeros(3))
 STAMPED = {"position_m": ChannelMapping("x", "mm", time="t")}
 RENAMED = LoggedTable(logged().channels.rename(columns={"b": "P b [psi]"}), unread=("P_c",))
+RUNS = [logged("run 1"), table("run 2", **FAST)]
 TWICE = LoggedTable(pd.concat([logged().channels, logged().channels[["a"]]], axis=1))
 
 
@@ -225,12 +220,16 @@ TWICE = LoggedTable(pd.concat([logged().channels, logged().channels[["a"]]], axi
         ([RENAMED], {"pressure_2_pa": ChannelMapping("p_B [psi]", "psi")}, "'P_c' (nearest: 'P b [psi]'); corr"),
         ([table("", **{f"c{index}": [0.0] for index in range(50)})], {}, "'c39' and 10 more; correct"),
         ([TWICE], {}, "'a' (for 'pressure_1_pa') occurs 2 times"),
+        (RUNS, {}, "channel 'a' (for 'pressure_1_pa') occurs in tables 'run 1', 'run 2'; state which as channels.p"),
+        (RUNS, {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}, "is missing; got tables 'run 1', 'run 2'"),
         ([logged(a=["1.0", "open"])], {}, "'a' (for 'pressure_1_pa') holds 'open' in row 2 (1 such rows in all);"),
         ([logged(t=["12:30", "12:31"])], {}, "'t' (for 'time_s') holds '12:30' in row 1"),
         ([logged(a=pd.to_datetime(["2026-01-01", "2026-01-02"]))], {}, "'a' (for 'pressure_1_pa') holds dates"),
         ([logged(units={"a": "MPa"})], {}, "'pressure_1_pa'): the file states the unit 'MPa', but it is read in 'bar'"),
+        ([logged(units={"a": "V"})], {}, "'pressure_1_pa'): the file states the unit 'V', but it is read in 'bar'"),
         ([logged(units={"t": "s"})], {}, "'t' (for 'time_s'): the file states the unit 's', but it is read in 'ms'"),
         ([logged(units={"a": "bara"})], {}, "'bara', which is absolute pressure, but it is read as gauge pressure;"),
+        ([table("fast", **FAST), table("slow", **SLOW)], RATE, "rate_hz = 200 Hz: 'fast' has 6, 'slow' has 3 rows"),
         ([logged()], {"time_s": ChannelMapping("t")}, "holds int64 and states no unit; expected dates, or numbers wit"),
     ],
 )
@@ -239,15 +238,8 @@ def test_the_unmappable_is_refused(tables: list[LoggedTable], change: dict[str, 
         map_signals(tables, MAPPING | change)
 
 
-def test_channel_in_two_tables_needs_its_table() -> None:
-    tables = [logged("run 1"), table("run 2", **FAST)]
-    with pytest.raises(RecordingError, match=r"'a' .* occurs in tables 'run 1', 'run 2'; state which as .*\.table"):
-        map_signals(tables, MAPPING)
-    mapping = MAPPING | {
-        "pressure_1_pa": ChannelMapping("a", "bar", table="run 2"),
-        "pressure_2_pa": ChannelMapping("b", "psi", table="run 2"),
-    }
-    assert len(map_signals(tables, mapping).signals["pressure_1_pa"].values) == 6
-    wrong = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}
-    with pytest.raises(RecordingError, match=r"table 'run 3' .* is missing; got tables 'run 1', 'run 2'"):
-        map_signals(tables, wrong)
+def test_a_channel_in_two_tables_is_that_of_the_stated_table() -> None:
+    mapping = {name: replace(source, table="run 2") for name, source in MAPPING.items() if name != "time_s"}
+    tables = [logged("run 1"), table("run 2", **FAST, x=np.zeros(6))]
+    signals = map_signals(tables, MAPPING | mapping).signals
+    assert [len(signal.values) for signal in signals.values()] == [6, 6, 6]

@@ -55,7 +55,9 @@ def test_what_needs_nothing_passes_bit_for_bit(time_s: np.ndarray, rate_hz: floa
         assert piece.columns[column].tobytes() == expected.tobytes()
 
 
-RESTARTED = np.where(np.arange(ROWS) < 1000, EVEN_S, EVEN_S - 5.0)
+RESTARTED, SET_BACK = (np.where(np.arange(ROWS) < 1000, EVEN_S, EVEN_S - by_s) for by_s in (5.0, 0.05))
+ROLLING = 0.005 * (np.arange(ROWS) % 640)
+UNSTAMPED = np.concatenate([EVEN_S[:-2], [np.nan, np.inf]])
 IN_MILLISECONDS = np.delete(np.round(np.arange(ROWS) / 300.0, 3), [700])
 GAP = "of more than 2 lost samples (first:"
 OTHER_CLOCK = {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[:1500].copy(), NOISE[:1500])}
@@ -81,10 +83,16 @@ OTHER_CLOCK = {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[:1500].copy(), NOI
             f"split at 1 gap {GAP} 0.055 s without b after 2.495 s)",
         ),
         (one(RESTARTED), [1000, 1000], "split at 1 restart of the clock (first: row 1001, from 4.995 to 0 s)"),
+        (one(SET_BACK), [1000, 1000], "split at 1 restart of the clock (first: row 1001, from 4.995 to 4.95 s)"),
+        (one(ROLLING), [640, 640, 640, 80], "split at 3 restarts of the clock (first: row 641, from 3.195 to 0 s)"),
+        (one(UNSTAMPED), [1998], "2 rows without a time stamp left out (first: row 1999)"),
         (one(IN_MILLISECONDS), [2000], "1 lost sample interpolated (at most 1 in a row, first after 2.33 s)"),
         (OTHER_CLOCK, [1500], "0 s at the start and 2.5 s at the end left out, not covered by every column"),
     ],
-    ids=["one lost", "three lost", "short between gaps", "values missing", "restart", "milliseconds", "another clock"],
+    ids=[
+        *("one lost", "three lost", "short between gaps", "values missing", "restart", "clock set back by a little"),
+        *("counter rolls over", "no stamp", "milliseconds", "another clock"),
+    ],
 )
 def test_damaged_time(columns: dict[str, Signal], lengths: list[int], repair: str) -> None:
     pieces = align(columns, TimeRules())

@@ -42,29 +42,6 @@ def back(row: int, by_s: float) -> Damage:
     return lambda time_s: np.where(np.arange(ROWS) < row, time_s, time_s - by_s)
 
 
-CLOCK = "of the clock (first: row"
-
-
-@pytest.mark.parametrize(
-    ("damage", "kept", "segments", "repair"),
-    [
-        (stamps({7: np.nan, 9: np.inf}), ROWS - 2, 1, "2 rows without a time stamp left out (first: row 8)"),
-        (lambda time_s: np.mod(time_s, 0.64), ROWS, 4, f"split at 3 restarts {CLOCK} 129, from 0.635 to 0 s)"),
-        (back(150, 0.05), ROWS, 2, f"split at 1 restart {CLOCK} 151, from 0.745 to 0.7 s)"),
-    ],
-    ids=["no stamp", "counter rolls over", "clock set back by a little"],
-)
-def test_damaged_order(damage: Damage, kept: int, segments: int, repair: str) -> None:
-    logged = damage(good())
-    ordered = order_stamps(logged, np.zeros(ROWS, dtype=np.bool_))
-    assert list(ordered.repairs) == [repair]
-    assert len(ordered.time_s) == kept
-    assert ordered.segments[-1] + 1 == segments
-    within = np.diff(ordered.segments) == 0
-    assert (np.diff(ordered.time_s)[within] > 0.0).all()
-    np.testing.assert_array_equal(ordered.time_s, logged[ordered.rows])
-
-
 def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
     time_s = good()
     time_s[200:] = np.nan
