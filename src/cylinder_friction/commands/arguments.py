@@ -96,7 +96,8 @@ def _inspect(parser: argparse.ArgumentParser) -> None:
     words = "further logs; or, by the rules of a project, overrides such as ingest=own cylinder=press"
     parser.add_argument("overrides", nargs="*", metavar="MORE", help=words)
     add_reading_arguments(parser)
-    parser.add_argument("--output", type=Path, default=Path("reports/inspection.html"))
+    words = "page to write, a file that ends in .html; default: reports/inspection.html"
+    parser.add_argument("--output", type=Path, default=Path("reports/inspection.html"), help=words)
 
 
 def _export(parser: argparse.ArgumentParser) -> None:
