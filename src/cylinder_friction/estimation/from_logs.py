@@ -24,6 +24,7 @@ from cylinder_friction.estimation.friction_of_logs import (
     LabelledLogs,
     LabelledRecording,
     RecordingFriction,
+    discard,
     loaded_once,
     refused_piece,
     waiting,
@@ -197,8 +198,7 @@ def _write_results(
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
-        if isinstance(each.result, Path):
-            each.result.unlink()
+        discard(each.result)
     return results
 
 

@@ -241,13 +241,13 @@ def sort_logs(
         of_file[each.entry.source_file].append(each)
     digests = {log.name: log.digest for log in logs}
     known = {name: own[0].entry.source_sha256 for name, own in of_file.items()}
-    replaced = [of_file[name][0] for name in known.keys() & digests.keys()]
-    for each in replaced if not {*known.values()} & {*digests.values()} else ():
-        if each.depends_on.get("cylinder") != depends_on["cylinder"]:  # of a machine with the same file names
-            raise FileExistsError(
-                f"{folder}: holds the friction of another {each.entry.source_file}, of another cylinder, which this "
-                "run would replace; name another folder by --output, or remove this one first"
-            )
+    alike = [of_file[name][0] for name in sorted(known.keys() & digests.keys())]
+    others = [each for each in alike if each.depends_on.get("cylinder") != depends_on["cylinder"]]
+    if others and not {*known.values()} & {*digests.values()}:  # of a machine with the same file names
+        raise FileExistsError(
+            f"{folder}: holds the friction of another {others[0].entry.source_file}, of another cylinder, which this "
+            "run would replace; name another folder by --output, or remove this one first"
+        )
     same = {
         name
         for name, own in of_file.items()
