@@ -30,7 +30,10 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base="1.3"):
             content = OmegaConf.to_container(compose("config", list(overrides)), resolve=True)
     except (HydraException, OmegaConfBaseException) as error:
-        raise ParamsError(f"{conf}: {error}") from error
+        words = str(error).partition("\nConfig search path")[0].removeprefix("In 'config': ")  # a list, a name per line
+        for layout, sign in ((":\n\t", ": "), ("\n\t", ", "), ("\n\n", "; "), ("\n", " ")):
+            words = words.replace(layout, sign)
+        raise ParamsError(f"{conf}: {words}") from error
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}
 

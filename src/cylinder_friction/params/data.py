@@ -20,7 +20,7 @@ class IngestParams(Section):
     """The folder to read, and how its files become recordings. The classes of the rules check their own numbers."""
 
     source: str
-    truth: str
+    truth: str = ""  # Folder of true friction; empty if it is unknown
     load: LoadMode
     oil_temperature: Literal["recorded", "input"]
     pattern: str

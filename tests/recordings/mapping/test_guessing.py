@@ -28,7 +28,7 @@ def text_of(channels: dict[str, Any], units: dict[str, str] | None = None, path:
 
 def channels_of(text: str) -> dict[str, Any]:
     loaded = yaml.safe_load(text)
-    assert set(loaded) >= {"defaults", "source", "truth", "pattern", "name_pattern", "channels"}
+    assert set(loaded) >= {"defaults", "source", "pattern", "name_pattern", "channels"}
     found: dict[str, Any] = loaded["channels"]
     return found
 

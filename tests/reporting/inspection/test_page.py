@@ -101,6 +101,7 @@ def test_all_files_have_figures_in_their_order_and_bad_ones_lose_nothing(
     assert "drawn to show what is wrong, and is no result" in panes[3]
     assert "friction while extending" not in panes[3]
     assert '"number of the file"' in text
+    assert '"hovermode":"closest","showlegend":true' in text  # friction against velocity names its files
 
 
 def test_a_recording_shorter_than_the_filter_is_shown_with_the_reason(

@@ -14,7 +14,6 @@ defaults:
   - rules@_here_: default  # usual rules of time, spikes, zeros, limits; in a project conf/ingest/rules/default.yaml
   - _self_
 source: {source}
-truth: data/raw/rig_truth  # for the simulated rig alone: nobody knows your true friction
 pattern: {pattern}
 # guess: the name of the file is the session, what comes before its first _ the condition.
 name_pattern: {name_pattern}

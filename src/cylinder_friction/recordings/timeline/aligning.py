@@ -55,8 +55,8 @@ def align(
     if len(restarts) > 1:
         (fewest, one), *_, (most, other) = restarts
         raise RecordingError(
-            f"the clock restarts {fewest} times in the table of {one} and {most} times in that of {other}, expected "
-            "as often in each; split the file where the logger was restarted"
+            f"the clock of {one} restarts {counted(fewest, 'time')}, but the clock of {other} {counted(most, 'time')}, "
+            "so that their samples cannot be matched; split the file where the logger was restarted"
         )
     rate_hz = _common_rate(timelines, rules)
     one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)

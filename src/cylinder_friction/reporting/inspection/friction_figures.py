@@ -18,12 +18,14 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, PA_PER_BAR
 from cylinder_friction.reporting.page import Line, PageFigure, Panel, Table, compact, speed_ticks, spread_evenly
-from cylinder_friction.reporting.style import BLUE, BROWN, GREEN, INK, ORANGE, PALE, QUIET, SERIES
+from cylinder_friction.reporting.style import BLUE, BROWN, GREEN, INK, ORANGE, PALE, PINK, QUIET, SKY, YELLOW
 from cylinder_friction.wording import four_digits
 
 CURVE_POINTS = 200
 WIDE = 200
 """Number of recordings from which their marks are small."""
+LINE_COLOURS = (GREEN, PINK, BROWN, SKY, YELLOW, INK)
+"""Colours of recordings; blue and orange are the two directions."""
 COLUMNS = (
     ("pressure", "P1, piston side", "pressure_1_pa", PA_PER_BAR, "bar", ORANGE),
     ("pressure", "P2, rod side", "pressure_2_pa", PA_PER_BAR, "bar", BLUE),
@@ -102,18 +104,21 @@ def of_recordings(friction: Sequence[tuple[str, float | None]]) -> PageFigure | 
         marker={"color": GREEN, "size": 7 if len(known) < WIDE else 4},
         hovertemplate="%{customdata}: %{y:.4~g} N<extra></extra>",
     )
-    figure.x_axis(title="number of the recording", range=[0.4, len(friction) + 0.6])
+    count = len(friction)
+    figure.x_axis(title="number of the recording", range=[0.4, count + 0.6], tick0=1, dtick=-(-count // 12))
     figure.y_axis(title="friction [N]", rangemode="tozero")
     return figure.look(300, legend_rows=0, hovermode="closest", showlegend=False)
 
 
 def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> PageFigure | None:
-    """Draw friction in steady sliding against velocity, one line per recording; None for fewer than two."""
-    figure = PageFigure()
-    for number, (title, found) in enumerate(recordings.items()):
+    """Draw friction in steady sliding against velocity, one line per recording; None for fewer than two.
+
+    More recordings than ``LINE_COLOURS`` have one colour and no legend.
+    """
+    figure, known = PageFigure(), {title: points for title, points in recordings.items() if points}
+    few = len(known) <= len(LINE_COLOURS)
+    for number, (title, found) in enumerate(known.items()):
         points = sorted(found, key=lambda point: point.velocity_m_s)
-        if not points:
-            continue
         velocity, friction = (
             np.array([getattr(point, key) for point in points]) for key in ("velocity_m_s", "friction_n")
         )
@@ -123,15 +128,15 @@ def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> PageFigure | No
             y=np.insert(friction, middle, np.nan),
             mode="lines+markers",
             name=title,
-            line={"color": SERIES[number % len(SERIES)], "width": 1.2},
+            line={"color": LINE_COLOURS[number] if few else QUIET, "width": 1.2},
             marker={"size": 5},
             hovertemplate="%{x:.3~g} mm/s, %{y:.4~g} N",
         )
-    if len(figure.data) < 2:
+    if len(known) < 2:
         return None
     figure.x_axis(title="velocity [mm/s]")
     figure.y_axis(title="friction in steady sliding [N]")
-    return figure.look(420, legend_rows=0, hovermode="closest", showlegend=False)
+    return figure.look(420, legend_rows=2 * few, hovermode="closest", showlegend=few)
 
 
 def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
