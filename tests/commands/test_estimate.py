@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from cylinder_friction.commands.cli import main
@@ -50,6 +51,25 @@ def test_json_is_all_that_is_printed(log: Path, tmp_path: Path, capsys: pytest.C
     content = json.loads(capsys.readouterr().out)
     assert [each["name"] for each in content["recordings"]] == ["stroke"]
     assert content["refused"][0]["file"] == "bad.csv"
+
+
+def test_an_unknown_friction_has_its_reason_in_estimate_and_inspect(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A position in cm that is read as mm is too slow; a first mapping does not choose one of the two."""
+    table = pd.read_csv(log)
+    table["Position [m]"] *= 100.0
+    table.rename(columns={"Position [m]": "Position"}).to_csv(log, index=False)
+    assert main(["ingest", "init", str(log), "--output", str(tmp_path / "mapping.yaml")]) == 0
+    assert 'unit: "mm or in or cm"' in (tmp_path / "mapping.yaml").read_text(encoding="utf-8")
+    for command, output in (("estimate", "out"), ("inspect", "page.html")):
+        given = [command, str(log), "--cylinder", GEOMETRY, "--output", str(tmp_path / output)]
+        assert main([*given, "--channels", str(tmp_path / "mapping.yaml")]) == 1
+        assert "unit 'mm or in or cm' is not known" in capsys.readouterr().err
+        assert main([*given, "--unit", "length=mm"]) == (command == "estimate")
+        said = capsys.readouterr().out
+        assert "friction unknown" in said
+        assert "no position is passed both ways faster than 6 mm/s (away from the end stops, at most " in said
 
 
 def test_nothing_is_said_about_bounds_of_no_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

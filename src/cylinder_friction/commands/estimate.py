@@ -35,7 +35,8 @@ def run(options: argparse.Namespace) -> int:
     beside += [f"differ   {differ}"] if differ else []
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     unusable = any(each.not_known for each in result.recordings if each.name in result.new)
-    return 1 if result.refused or not result.recordings or unusable else 0
+    unknown = all(each.friction_n is None for each in result.recordings)
+    return 1 if result.refused or unusable or unknown else 0
 
 
 def cores() -> int:

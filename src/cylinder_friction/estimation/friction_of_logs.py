@@ -28,7 +28,7 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
-from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, holds_load, up_and_down
+from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, holds_load, unknown_friction, up_and_down
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag, unknown_in_words
 from cylinder_friction.realtime.trained_for import pressure_noise_pa
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
@@ -148,6 +148,10 @@ class RecordingFriction:
         position_m, velocity_m_s, friction_n = map(recording.column, ("position_m", "velocity_m_s", "friction_n"))
         return up_and_down(position_m, velocity_m_s, friction_n, recording.usable(), PLAN.slowest_m_s)
 
+    def _unknown(self, recording: Recording) -> str:
+        motion = recording.column("position_m"), recording.column("velocity_m_s"), recording.usable()
+        return unknown_friction(*motion, PLAN.slowest_m_s, self.labeller.cylinder.stroke_m)
+
     def finished(self, recording: Recording, known: KnownOffset | None, loss: ApparentLoss | None = None) -> Recording:
         """Add bounds to a recording, and subtract the offset of its session if strokes determine one.
 
@@ -189,6 +193,7 @@ class RecordingFriction:
             duration_s=rows * about.sample_time_s,
             usable_percent=100.0 * int(recording.usable().sum()) / rows,
             friction_n=known_number(half_n),
+            unknown="" if math.isfinite(half_n) else self._unknown(recording),
             flags_percent=None if estimator is None else shares,
             load=load or known,
             not_known=other or ("" if flags is None else unknown_in_words(rows, counts)),

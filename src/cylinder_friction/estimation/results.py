@@ -47,7 +47,7 @@ class FrictionOfRecording:
     rows: int
     duration_s: float
     usable_percent: float  # Share of rows whose force balance is friction alone, not near end stops or edges [%]
-    # Half of extending less retracting friction at equal positions [N]; None if no position was passed both ways
+    # Half of extending less retracting friction at equal positions [N]; None if it is ``unknown``
     friction_n: float | None
     flags_percent: dict[str, float] | None  # Share of rows with each of the estimator's flags [%]; None without one
     load: str  # The load that was subtracted, in words
@@ -64,6 +64,7 @@ class FrictionOfRecording:
     # Serial number and day of calibration of the sensor behind a column, if they are stated
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     levels: tuple[FrictionLevel, ...] = ()  # Friction of steady sliding at each level of pressure and speed
+    unknown: str = ""  # Why ``friction_n`` is None, and what to check
     gone: str = ""  # A sentence if its file was not among the logs of the last run; else empty
 
     def to_dict(self) -> dict[str, Any]:
@@ -111,7 +112,7 @@ def remarks(each: FrictionOfRecording) -> list[str]:
     not_known = each.not_known and f"not to be used as it is: {each.not_known}"
     load = "" if each.load == "none" else f"load: {each.load}"
     flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
-    words = [each.gone, not_known, each.unlike_training, load_left(each), load, *flags, *each.repairs]
+    words = [each.gone, each.unknown, not_known, each.unlike_training, load_left(each), load, *flags, *each.repairs]
     return [each for each in words if each]
 
 

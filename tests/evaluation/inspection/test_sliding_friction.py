@@ -87,7 +87,7 @@ FINDINGS: dict[str, tuple[Callable[[Cylinder], Recording], str, str]] = {
     "one direction": (
         lambda cylinder: one_way(cylinder, 300.0),
         "noted",
-        "the piston slides one way alone, so that a load or a sensor's zero would not show",
+        "at most 9.15 mm/s extending and 0 mm/s retracting; position_m goes from",
     ),
     "at rest": (
         lambda cylinder: made_strokes(cylinder, rest_s=20.0, seconds=20.0),

@@ -16,7 +16,7 @@ from cylinder_friction.friction_models.identification.steady_points import (
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.sliding_blocks import OffsetPlan, holds_load, up_and_down
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, holds_load, unknown_friction, up_and_down
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import direction_of_motion, noise_rms, standstill_rows
@@ -58,6 +58,7 @@ class FrictionView:
     # does not pass the same positions in both directions
     load_n: float
     half_difference_n: float  # Half the difference there: friction, whatever the load is [N]
+    unknown: str  # Why ``half_difference_n`` is NaN; empty if it is not
     no_curve: str  # Why there is no curve
     assumed: tuple[str, ...]  # Assumptions of the force balance, one sentence each
     load: str = ""  # The subtracted load, in words
@@ -127,12 +128,10 @@ def view_of_labelled(
     slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, of_sensor_m_s)
     points = tuple(rows.point_with_interval(CONFIDENCE) for rows in steady_sliding_by_speed([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
-    # The rows that ``estimate`` takes, so that a log has the same friction here; slower ones if it hardly moves
-    halves = (
-        up_and_down(position_m, signals.velocity_m_s, friction_n, usable, least_m_s)
-        for least_m_s in (OffsetPlan().slowest_m_s, slowest_m_s)
-    )
-    load_n, half_difference_n = next((each for each in halves if math.isfinite(each[1])), (math.nan, math.nan))
+    # The rows that ``estimate`` takes, so that a log has the same friction here
+    motion, least_m_s = (position_m, signals.velocity_m_s), OffsetPlan().slowest_m_s
+    load_n, half_difference_n = up_and_down(*motion, friction_n, usable, least_m_s)
+    known = math.isfinite(half_difference_n)
     if curve is not None and holds_load(load_n, half_difference_n):
         curve, no_curve = None, f"{load_n:.0f} N of the force do not turn with the direction, as friction would"
     return FrictionView(
@@ -147,6 +146,7 @@ def view_of_labelled(
         curve=curve,
         load_n=load_n,
         half_difference_n=half_difference_n,
+        unknown="" if known else unknown_friction(*motion, usable, least_m_s, cylinder.stroke_m),
         no_curve=no_curve,
         assumed=assumed,
     )

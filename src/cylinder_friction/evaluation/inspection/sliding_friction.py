@@ -90,7 +90,7 @@ def friction_finding(
         return Finding("friction", "refused", f"the force is not friction alone: {held}; {remedy}")
     interval = "95 %" if view.has_interval else "no interval: the sensors' accuracy is not stated"
     text = f"mean while sliding {text} ({interval})"
-    if math.isnan(half_n):
-        seen = "no position is passed in both directions" if len(friction) > 1 else "the piston slides one way alone"
-        return Finding("friction", "noted", f"{text}; {seen}, so that a load or a sensor's zero would not show")
-    return Finding("friction", "ok", f"friction {half_n:.0f} N, both ways at equal position; {text}")
+    if view.unknown:
+        return Finding("friction", "noted", f"friction unknown: {view.unknown}; {text}, in which a load would not show")
+    once = "both ways at equal position (each position counts once; in the mean, each row)"
+    return Finding("friction", "ok", f"friction {half_n:.0f} N, {once}; {text}")

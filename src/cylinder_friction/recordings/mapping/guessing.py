@@ -250,6 +250,11 @@ class GuessedColumn:
         unit = self.entry.get("unit", "")
         return bool(self.entry) and (electrical(unit) is None or of_stroke(self.column, unit))
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether its values do not determine its unit; friction does not depend on temperature."""
+        return self.fitting is not None and len(self.fitting) != 1 and self.column != OIL_TEMPERATURE
+
 
 @dataclass(frozen=True)
 class GuessedMapping:
@@ -470,6 +475,8 @@ def _column_lines(column: GuessedColumn) -> list[str]:
         lines.append(f"# AMBIGUOUS: {printable(' or '.join(named))}")
     entry = {key: _unit(text) if key == "unit" else quoted(text) for key, text in column.entry.items()}
     lines += checks
+    if column.doubtful:  # which a mapping refuses until one of them is left
+        entry["unit"] = quoted(" or ".join(column.fitting or [NOT_FOUND]))
     if not column.known:
         lines.append(f"# {NOT_FOUND}: the sensor's range, and what the channel holds at its two ends")
         signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(electrical(channel.unit) or "", "[0, 10]")
@@ -504,8 +511,7 @@ def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
                 f"channel {channel.name!r} states {channel.unit}, but {quantity}={units[quantity]} was given as its "
                 "unit; leave it out, or correct the file"
             )
-        # Friction does not depend on temperature.
-        if each.fitting is not None and len(each.fitting) != 1 and quantity != "temperature":
+        if each.doubtful:
             doubtful.setdefault(quantity, []).append(each)
     if doubtful:
         words, options = list[str](), list[str]()
