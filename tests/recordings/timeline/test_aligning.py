@@ -105,6 +105,12 @@ def test_damaged_time(columns: dict[str, Signal], lengths: list[int], repair: st
         assert moved <= 4  # nothing but what was interpolated
 
 
+def test_a_clock_of_six_digits_is_coarse_until_midnight() -> None:
+    stamps_s = np.array([float(f"{each:.6g}") for each in (86395.0 + EVEN_S) % 86400.0])
+    pieces = align(one(stamps_s), TimeRules())
+    assert [(len(piece), piece.sample_time_s) for piece in pieces] == [(1000, 0.005), (1000, 0.005)]
+
+
 def test_a_lost_sample_is_bridged_between_its_neighbours_as_far_as_the_rules_say() -> None:
     (piece,) = align(without([100]), TimeRules())
     values = piece.columns["a"]

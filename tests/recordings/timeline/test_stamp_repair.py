@@ -133,6 +133,7 @@ def test_a_gap_of_a_coarse_clock_stays_a_gap() -> None:
     [
         (np.floor(np.arange(COARSE_ROWS) / 500.0), "time_s has 4 different stamps for 2000 rows, too few to spread"),
         (np.sort(np.random.default_rng(1).integers(0, 1000, COARSE_ROWS)) * 0.01, "different stamps for 2000 rows,"),
+        (np.floor(np.delete(np.arange(COARSE_ROWS + 50), range(710, 760)) / 100.0), r"7 s \(from row 701 on\) has 50 "),
     ],
 )
 def test_rows_that_were_not_sampled_evenly_are_refused(time_s: np.ndarray, message: str) -> None:

@@ -15,6 +15,7 @@ from cylinder_friction.recordings.timeline.timestamps import (
     TimeRules,
     explaining_resolution,
     follows_even_clock,
+    printed_resolution,
     whole_hertz,
 )
 
@@ -131,7 +132,7 @@ def resolve_duplicates(
         first = int(stamps.rows[repeated].min()) + 1
         note = f"{rows} with the stamp of the row before left out (first: row {first}{unlike})"
         return stamps.time_s, ~repeated, [note]
-    spread_s, rate_hz, tick_s = _spread(stamps.time_s, stamps.segments, rules)
+    spread_s, rate_hz, tick_s = _spread(stamps, rules)
     note = (
         f"coarse stamps, {repeated.sum()} of {len(keep)} rows with the stamp of the row before (a new stamp every "
         f"{1e3 * tick_s:.4g} ms), spread evenly at {rate_hz:.6g} Hz"
@@ -139,8 +140,12 @@ def resolve_duplicates(
     return spread_s, keep, [note]
 
 
-def _spread(time_s: Array, segments: Indices, rules: TimeRules) -> tuple[Array, float, float]:
-    """Return evenly spread stamps, their rate [Hz] and the usual time between two different stamps [s]."""
+def _spread(stamps: OrderedStamps, rules: TimeRules) -> tuple[Array, float, float]:
+    """Return evenly spread stamps, their rate [Hz] and the usual time between two different stamps [s].
+
+    A clock may print coarser stamps before it restarts than after (six digits of a time of day).
+    """
+    time_s, segments = stamps.time_s, stamps.segments
     firsts = np.flatnonzero(np.concatenate([[True], (np.diff(time_s) != 0.0) | (np.diff(segments) != 0)]))
     stamps_s, segment = time_s[firsts], segments[firsts]
     within = np.diff(segment) == 0
@@ -149,32 +154,51 @@ def _spread(time_s: Array, segments: Indices, rules: TimeRules) -> tuple[Array, 
             f"time_s has {len(firsts)} different stamps for {len(time_s)} rows, too few to spread the rows evenly "
             f"between them, expected at least {FEWEST_STAMPS + 1}; log time with a finer resolution"
         )
-    tick_s = float(np.median(np.diff(stamps_s)[within]))
+    own_s = (np.diff(stamps_s[segment == each]) for each in range(segment[-1] + 1))
+    tick_s = np.array([np.median(steps_s) if len(steps_s) else 0.0 for steps_s in own_s])[segment]
     lag = min(LAG, max(1, int(within.sum()) // 4))
     one_segment = segment[lag:] == segment[:-lag]
     slopes_s = (stamps_s[lag:] - stamps_s[:-lag]) / (firsts[lag:] - firsts[:-lag])
     step_s = float(np.median(slopes_s[one_segment] if one_segment.any() else slopes_s))
     surplus_s = np.diff(stamps_s) - np.diff(firsts) * step_s
-    gap = ~within | (surplus_s > tick_s + (rules.longest_bridge_samples + 1) * step_s)
+    gap = ~within | (surplus_s > tick_s[1:] + (rules.longest_bridge_samples + 1) * step_s)
     stretch = np.concatenate([[0], np.cumsum(gap)])
+    _refuse_short_seconds(stamps, firsts, stretch)
     row_mean, stamp_mean = _means(firsts.astype(np.float64), stretch), _means(stamps_s, stretch)
     row_off, stamp_off = firsts - row_mean[stretch], stamps_s - stamp_mean[stretch]
     step_s = 1.0 / whole_hertz(float((row_off**2).sum() / (row_off * stamp_off).sum()))
-    worst = int(np.argmax(np.abs(stamp_off - step_s * row_off)))
-    off_s = abs(float(stamp_off[worst] - step_s * row_off[worst]))
+    off_s = np.abs(stamp_off - step_s * row_off)
+    worst = int(np.argmax(off_s - 1.05 * tick_s))
     stretch_of_row = np.repeat(stretch, np.diff(np.append(firsts, len(time_s))))
     # A tick shows a past time, so each sample was taken at its stamp or later.
     start_s = np.full(len(stamp_mean), -np.inf)
     np.maximum.at(start_s, stretch, stamps_s - step_s * firsts)
     spread_s = start_s[stretch_of_row] + step_s * np.arange(len(time_s))
     backwards = (np.diff(spread_s) <= 0.0) & (np.diff(segments) == 0)
-    if off_s > 1.05 * tick_s or backwards.any():
+    if off_s[worst] > 1.05 * tick_s[worst] or backwards.any():
         raise RecordingError(
             f"time_s has {len(firsts)} different stamps for {len(time_s)} rows, and the rows were not sampled evenly: "
-            f"the stamp {stamps_s[worst]:.9g} s is {1e3 * off_s:.4g} ms off an even {1.0 / step_s:.5g} Hz, expected "
-            f"at most {1e3 * tick_s:.4g} ms; log time with a finer resolution"
+            f"the stamp {stamps_s[worst]:.9g} s is {1e3 * off_s[worst]:.4g} ms off an even {1.0 / step_s:.5g} Hz, "
+            f"expected at most {1e3 * tick_s[worst]:.4g} ms; log time with a finer resolution"
         )
-    return spread_s, 1.0 / step_s, tick_s
+    return spread_s, 1.0 / step_s, float(tick_s.max())
+
+
+def _refuse_short_seconds(stamps: OrderedStamps, firsts: Indices, stretch: Indices) -> None:
+    """Refuse stamps of whole seconds if a second within a stretch has fewer rows than the others."""
+    if printed_resolution(stamps.time_s) < 1.0:
+        return
+    rows, whole = np.diff(firsts), (np.diff(stretch) == 0) & (np.diff(stretch, prepend=-1)[:-1] == 0)
+    usual = float(np.median(rows[whole])) if whole.any() else 0.0
+    beside = np.convolve(np.maximum(rows - usual, 0.0), [1.0, 0.0, 1.0], "same")  # written a second early or late
+    short = np.flatnonzero(whole & (rows + beside < (1.0 - DAMAGED_SHARE) * usual - 1.0))
+    if len(short):
+        first = firsts[short[0]]
+        raise RecordingError(
+            f"time_s holds whole seconds, and {stamps.time_s[first]:.9g} s (from row {stamps.rows[first] + 1} on) has "
+            f"{rows[short[0]]} rows, but a second usually {usual:.0f}: samples are missing in this second, and where in "
+            "it is not known; log time with a finer resolution, or cut the file there"
+        )
 
 
 def _means(values: Array, groups: Indices) -> Array:
