@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 from tests.labelling.test_line_loss import lossy
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.apparent_loss import ApparentLoss, loss_of_labels
+from cylinder_friction.labelling.apparent_loss import ApparentLoss, loss_of_labels, not_negative
 from cylinder_friction.labelling.label import label
 from cylinder_friction.recordings.recording import Recording
 
@@ -26,3 +27,13 @@ def test_the_sentence_asks_and_offers_what_to_state(cylinder: Cylinder) -> None:
         "are the sensors at the cylinder's ports? If they are not, state the loss (sensor.line_loss in the mapping); "
         "until then bounds are wider by what the line may lose, and Coulomb and viscous friction are not known"
     )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_coefficients_that_may_not_be_negative_are_those_of_scipy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    free, others = np.eye(3)[np.arange(60) % 3] * rng.choice([-1.0, 1.0], (60, 1)), rng.uniform(0.0, 1.0, (60, 5))
+    design, target = np.hstack([free, others]), rng.normal(0.0, 1.0, 60)
+    expected = nnls(np.hstack([design, -free]), target)[0]
+    expected[:3] -= expected[-3:]
+    np.testing.assert_allclose(not_negative(design, target, 3), expected[:-3], atol=1e-9)

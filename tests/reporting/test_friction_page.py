@@ -27,7 +27,7 @@ def page_file(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
     (tmp_path / "panes").mkdir()
     for name in NAMES[:2]:
         recording = replace(recording, metadata=replace(recording.metadata, name=name))
-        (tmp_path / pane_file(name)).write_text(friction_pane(recording, None), encoding="utf-8")
+        (tmp_path / pane_file(name)).write_text(friction_pane(recording), encoding="utf-8")
     rows = [
         (name, "2026-03-27T09:15:00.000Z", 300.0 + place, "99", f"remark {place}") for place, name in enumerate(NAMES)
     ]
@@ -71,5 +71,5 @@ def test_bounds_that_nobody_knows_are_not_in_the_legend(
     label = labelled_recordings[0]
     friction_n, script = label.column("friction_n"), tmp_path / "pane.js"
     recording = label.with_columns(lower_n=friction_n - half_n, upper_n=friction_n + half_n)
-    script.write_text(friction_pane(recording, None), encoding="utf-8")
+    script.write_text(friction_pane(recording), encoding="utf-8")
     assert len(re.findall('"name": ?"bounds"', unpacked_pane(script))) == lines

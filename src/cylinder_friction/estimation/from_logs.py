@@ -44,7 +44,6 @@ from cylinder_friction.estimation.results import (
     unpacked,
     write_result,
 )
-from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import hash_of, read_json
@@ -56,8 +55,6 @@ from cylinder_friction.recordings.conversion import SeenRecordings, logged_files
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, Logs, find_logs
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.reporting.friction_page import friction_pane, level_tables, pane_file, write_friction_page
-from cylinder_friction.reporting.page import PLOTTED
-from cylinder_friction.signals.smooth_signals import smooth_recording
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -187,7 +184,7 @@ def _write_results(
     """Write the result of each recording; add recordings that cannot be written to ``refused``."""
     of_file = Counter(each.metadata.source_file for each in labelled)
     given: dict[str, Any] = {"file_format": file_format, "depends_on": depends_on, "listed": listed}
-    write = partial(_written, run.friction, folder, run.loss, detailed=len(labelled) <= PLOTTED, **given)
+    write = partial(_written, run.friction, folder, run.loss, **given)
     work = []
     for each in labelled:
         about = each.metadata
@@ -210,17 +207,16 @@ def _written(
     offset: KnownOffset | None,
     of_file: int,
     *,
-    detailed: bool,
     file_format: FileFormat,
     depends_on: Mapping[str, str],
     listed: Collection[str],
 ) -> Result:
     """Subtract the offset from a recording's friction and write its result.
 
-    ``of_file`` is the number of recordings in its log. If ``detailed``, the page also draws friction against velocity.
+    ``of_file`` is the number of recordings in its log.
     """
     finished = friction.finished(waiting(labelled.result), offset, loss).described(depends_on=depends_on)
-    entry, view = friction.entry(finished, labelled.load), None
+    entry = friction.entry(finished, labelled.load)
     also = [f"{entry.name}.csv"] if file_format == "csv" else []
     result = Result(
         entry,
@@ -231,10 +227,7 @@ def _written(
         offset=offset,
         compared=packed(labelled.evidence, labelled.samples),
     )
-    if detailed:
-        smooth = smooth_recording(finished, friction.filter)
-        view = view_of_labelled(finished, smooth, friction.labeller.cylinder, friction.filter)
-    write_result(folder, finished, result, friction_pane(finished, view), listed)
+    write_result(folder, finished, result, friction_pane(finished), listed)
     return result
 
 

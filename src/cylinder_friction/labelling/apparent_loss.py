@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -26,6 +28,8 @@ LEAST_BLOCKS = 30
 MARGIN = 1.1
 """Factor by which a loss may be larger than it looks."""
 _PRESSURE_POWER = 0.8
+_RIDGE = 1e-13
+"""Share that keeps equations solvable if strokes of one direction cannot tell an offset from Coulomb friction."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +105,6 @@ def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> Apparen
 
 def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
     """Fit the sessions of one condition by least squares, with Huber's weights and no negative term."""
-    from scipy.optimize import nnls  # slow to import
-
     blocks, counts = SlidingBlocks.together(sessions), [len(each.stroke) for each in sessions]
     session = np.repeat(np.arange(len(sessions)), counts)
     direction, speed = blocks.direction, np.abs(blocks.columns["velocity_m_s"])
@@ -110,13 +112,27 @@ def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
     part = speed / highest
     mean_bar = 0.5e-5 * sum(np.maximum(blocks.columns[name], 0.0) for name in PRESSURES)
     offsets = direction[:, None] * np.eye(len(sessions))[session]
-    known = np.column_stack([offsets, -offsets, np.ones_like(part), mean_bar**_PRESSURE_POWER, part, part**2])
+    known = np.column_stack([np.ones_like(part), mean_bar**_PRESSURE_POWER, part, part**2])
     against_n = blocks.label_n * direction
     fits = []
     for stribeck_m_s in STRIBECK_SPEEDS_M_S:
-        design = np.column_stack([np.exp(-speed / stribeck_m_s), known])
-        fit = robust_fit(design, against_n, solve=lambda own, target: nnls(own, target)[0])
+        design = np.column_stack([offsets, np.exp(-speed / stribeck_m_s), known])
+        fit = robust_fit(design, against_n, solve=partial(not_negative, free=len(sessions)))
         fits.append((float(np.abs(fit.residuals).sum()), *fit.coefficients[-2:].tolist()))
     _, linear_n, square_n = min(fits)
     friction_n = float(np.mean(np.abs(against_n - square_n * part**2)))
     return ApparentLoss(square_n, linear_n, friction_n, highest)
+
+
+def not_negative(design: Array, target: Array, free: int) -> Array:
+    """Solve least squares with no negative coefficient behind the first ``free`` ones.
+
+    One subset of the others is the solution, so all are tried. ``scipy.optimize.nnls`` does more, but takes longer to
+    import than most logs take to label.
+    """
+    chosen = np.array([(1.0,) * free + others for others in product((1.0, 0.0), repeat=design.shape[1] - free)])
+    normal, moment, own = design.T @ design, design.T @ target, np.eye(design.shape[1])
+    normal += _RIDGE * np.trace(normal) * own
+    normal = chosen[:, :, None] * normal * chosen[:, None, :] + (1.0 - chosen)[:, :, None] * own
+    found = np.linalg.solve(normal, (chosen * moment)[:, :, None])[:, :, 0]
+    return max(found[(found[:, free:] >= 0.0).all(axis=1)], key=lambda each: float(moment @ each))

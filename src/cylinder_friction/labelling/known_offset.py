@@ -126,7 +126,9 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     if len(odd) <= ODD_SHARE * len({each.session for each in counted}):
         counted = [each for each in counted if each.session not in odd]
     sliding = [each.sliding for each in counted if len(each.sliding.direction)]
-    model = offset_model(sliding, cylinder, cautious(plan, {each.session for each in sliding})) if sliding else None
+    names = {each.session for each in sliding}
+    share = LEAST_NARROWING_OF_FEW if len(names) < LEAST_IN_CONDITION else math.inf
+    model = offset_model(sliding, cylinder, cautious(plan, names), greatest_share=share) if sliding else None
     sessions: dict[str, list[OffsetEvidence]] = {}
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)

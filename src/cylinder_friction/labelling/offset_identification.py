@@ -199,6 +199,10 @@ class OffsetModel:
         sessions = by_session(recordings)
         return {name: self.sessions.get(name) or self.identify(own) for name, own in sessions.items()}
 
+    def _common_seen_n(self, sessions: Sequence[SlidingBlocks]) -> float:
+        """Compute the uncertainty of the sessions' mean offset from the stated zeros and the asymmetry [N]."""
+        return 1.0 / math.hypot(1.0 / _common_n(sessions), 1.0 / max(self.plan.asymmetry * self.level_n, 1e-9))
+
     @property
     def _warm_known(self) -> bool:
         return OIL_TEMPERATURE in self.quantities.inputs
@@ -283,11 +287,13 @@ def offset_model(
     cylinder: Cylinder,
     plan: OffsetPlan | None = None,
     columns: Collection[str] = EXPLAINING,
+    greatest_share: float = math.inf,
 ) -> OffsetModel:
     """Fit the model of ``fit_offset_model`` from the steady sliding of each recording, without the signals.
 
     Use it if the recordings do not fit into memory together: keep only the small ``sliding_blocks`` of each. The result
-    is the same bit for bit.
+    is the same bit for bit. If the uncertainty common to all sessions alone is more than ``greatest_share`` of each
+    stated one, nothing is fitted, and each session keeps its stated uncertainty.
 
     Raises:
         RecordingError: As ``fit_offset_model``.
@@ -310,6 +316,10 @@ def offset_model(
     varies = plan.asymmetry_sd * (asymmetry / plan.asymmetry if plan.asymmetry > 0.0 else 1.0)
     plan = replace(plan, asymmetry=asymmetry, asymmetry_sd=math.hypot(varies, 2.0 * few))
     model = OffsetModel(plan, FrictionQuantities.of(blocks, cylinder, columns), blocks.level_n)
+    seen_n, priors_n = model._common_seen_n(sessions), np.array([each.prior_n for each in sessions])
+    if seen_n > greatest_share * priors_n.max():
+        kept = _session_offsets(np.zeros(len(sessions)), priors_n, sessions, seen_n)
+        return replace(model, sessions={each.session: each for each in kept})
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
     guess = expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
     for _ in range(PASSES):
@@ -403,9 +413,8 @@ def _with_sessions(
     The mean offset cannot be told from an asymmetry. It therefore stays 0, with the uncertainty of the zeros, unless
     the zeros may be much larger than an asymmetry.
     """
-    stated_n = _common_n(sessions)
-    common_n = seen_n = 1.0 / math.hypot(1.0 / stated_n, 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9))
-    mean_n = 0.0
+    stated_n, mean_n = _common_n(sessions), 0.0
+    common_n = seen_n = model._common_seen_n(sessions)
     if seen_n > LEAST_NARROWING * stated_n:
         weights = np.array([1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions])
         common_n, mean_n = stated_n, float(weights @ offsets_n) / float(weights.sum())

@@ -16,16 +16,14 @@ from cylinder_friction.evaluation.friction_levels import (
     RecordingDifference,
     in_words,
 )
-from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M
 from cylinder_friction.reporting.inspection.friction_figures import (
-    against_velocity,
+    cloud_against_velocity,
     measured_panels,
     of_recordings,
-    stribeck_table,
 )
 from cylinder_friction.reporting.page import NONE, Cell, Line, Panel, Table, number_cell, over_time, packed, page_html
 from cylinder_friction.reporting.style import BROWN, GREEN, PALE, QUIET
@@ -38,28 +36,28 @@ def pane_file(name: str) -> str:
     return f"panes/{name}.js"
 
 
-def friction_pane(recording: Recording, view: FrictionView | None) -> str:
+def friction_pane(recording: Recording) -> str:
     """Write the pane of a recording as a script that passes it to the page; equal input makes equal text.
 
     The recording has raw columns, ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and ``label_n`` if
-    friction comes from an estimator. Without a view the pane shows only friction over time.
+    friction comes from an estimator.
     """
-    lower_n, friction = _usable(recording, "lower_n"), list[Line]()
+    lower_n, velocity_m_s = _usable(recording, "lower_n"), recording.column("velocity_m_s")
+    friction_n, friction = _usable(recording, "friction_n"), list[Line]()
     if np.isfinite(lower_n).any():
         upper = Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False)
         friction += [Line("bounds", lower_n, PALE, 1.0), upper]
     if "label_n" in recording.columns:
         friction.append(Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0))
-    friction.append(Line("friction", _usable(recording, "friction_n"), GREEN, 1.5))
-    velocity = Line("velocity, extending positive", MM_PER_M * recording.column("velocity_m_s"), BROWN)
+    friction.append(Line("friction", friction_n, GREEN, 1.5))
+    velocity = Line("velocity, extending positive", MM_PER_M * velocity_m_s, BROWN)
     panels = [Panel("friction [N]", friction, 1.6), Panel("velocity [mm/s]", [velocity]), *measured_panels(recording)]
     html = page_html(
         "templates/friction_pane.html.j2",
         title=recording.name,
         origin=_origin(recording.metadata),
         time=over_time(recording.column("time_s"), panels, 2, POINTS),
-        velocity=against_velocity(view, POINTS) if view is not None and view.points else None,
-        curve=None if view is None else (*stribeck_table(view), view.no_curve),
+        velocity=cloud_against_velocity(velocity_m_s, friction_n, POINTS // 2),
     )
     return f"pane({json.dumps(recording.name)}, {json.dumps(packed(html, 1))});\n"
 

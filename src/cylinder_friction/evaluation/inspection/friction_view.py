@@ -1,13 +1,12 @@
 """Friction of one recording for the inspection: filtered, balanced, and summarised in a Stribeck curve."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.steady_points import (
     StribeckPoint,
     known_curve,
@@ -104,22 +103,7 @@ def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter
     load = "none" if labeller.load == "none" else "measured"
     if identified is not None and identified.load is not None:
         load = f"{identified.load.sentence()}. A constant difference between the directions counts as load"
-    assumed = _assumed(labelled, labeller, load)
-    return replace(view_of_labelled(labelled, signals_of(smooth), labeller.cylinder, method, assumed), load=load)
-
-
-def view_of_labelled(
-    labelled: Recording,
-    signals: SmoothSignals | SmoothDrive,
-    cylinder: Cylinder,
-    method: SignalFilter,
-    assumed: tuple[str, ...] = (),
-) -> FrictionView:
-    """Make the view of a recording whose friction is known already.
-
-    ``labelled`` has ``friction_n``, ``velocity_m_s`` and ``usable``; ``assumed`` lists assumptions of the force
-    balance.
-    """
+    signals = signals_of(smooth)
     position_m, sample_time_s = labelled.column("position_m"), labelled.sample_time_s
     friction_n, usable, support = labelled.column("friction_n"), labelled.usable(), method.support(sample_time_s)
     rest = standstill_rows(position_m, sample_time_s, max(support.before, support.after))
@@ -138,7 +122,7 @@ def view_of_labelled(
         signals=signals,
         force_name=PRESSURE_FORCE if has_pressures(labelled) else MEASURED_FORCE,
         labelled=labelled,
-        force_n=drive_force(signals, cylinder),
+        force_n=drive_force(signals, labeller.cylinder),
         friction_n=friction_n,
         usable=usable,
         slowest_m_s=slowest_m_s,
@@ -148,7 +132,8 @@ def view_of_labelled(
         half_difference_n=half_difference_n,
         unknown="" if known else unknown_friction(*motion, usable, least_m_s, cylinder.stroke_m),
         no_curve=no_curve,
-        assumed=assumed,
+        assumed=_assumed(labelled, labeller, load),
+        load=load,
     )
 
 

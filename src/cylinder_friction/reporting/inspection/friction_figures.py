@@ -55,6 +55,17 @@ def against_velocity(view: FrictionView, points: int) -> PageFigure:
     return figure.look(480, legend_rows=2)
 
 
+def cloud_against_velocity(velocity_m_s: Array, friction_n: Array, points: int) -> PageFigure:
+    """Draw ``points`` rows per direction, evenly spread; rows whose friction is NaN are left out."""
+    figure, known = PageFigure(), np.isfinite(friction_n)
+    for (way, sign), colour in zip(WAYS.items(), (BLUE, ORANGE), strict=True):
+        rows = spread_evenly(np.flatnonzero(known & (sign * velocity_m_s > 0.0)), points)
+        figure.add(**_cloud(way, colour, MM_PER_M * velocity_m_s[rows], friction_n[rows]))
+    figure.x_axis(title="velocity [mm/s]")
+    figure.y_axis(title="friction [N]")
+    return figure.look(360)
+
+
 def against_position(view: FrictionView, position_m: Array, points: int) -> PageFigure:
     """Draw the force against position: its middle is load, half its width is friction."""
     figure = PageFigure()
