@@ -93,6 +93,11 @@ BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
         *[(CRANE | dict(zip(each, (P1, P2, STROKE), strict=True)), ["Name", *each], "") for each in (JIB, JIB_APART)],
         ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "NOT FOUND: name the channel"),
         ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "#   y: values 0 to 1"),
+        (
+            PAIR | {"p2": "", "pB [furlong]": P2},
+            ["t", "p1", "NOT FOUND", "x"],
+            "'pB [furlong]' states the unit 'furlong'",
+        ),
     ],
 )
 def test_columns_are_found_and_doubts_marked(channels: dict[str, Any], found: list[str], words: str) -> None:

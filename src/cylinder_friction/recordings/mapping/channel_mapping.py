@@ -20,6 +20,8 @@ from cylinder_friction.recordings.columns import POSITION, PRESSURE_2, PRESSURES
 from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect, missing_columns
 
+NOT_FOUND = "NOT FOUND"
+"""Placeholder for a channel's name that the user must fill in; ingest refuses it and lists the file's channels."""
 STANDARD_ATMOSPHERE_PA = 101325.0
 """Absolute less gauge pressure [Pa] (ISO 2533). The weather's ±3 kPa remain as an error of the zero."""
 
@@ -182,14 +184,19 @@ def check_unit(column: str, unit: str) -> tuple[float, float]:
         )
     measured = quantity_of(unit)
     problem = "is not known" if measured is None else f"measures {measured}, but the column holds a {wanted}"
-    raise RecordingError(
-        f"column {column!r}: unit {unit!r} {problem}; expected one of {', '.join(usual_units(wanted))}"
-    )
+    raise RecordingError(f"column {column!r}: unit {unit!r} {problem}; expected {known_units(wanted)}")
 
 
 def usual_units(quantity: str) -> list[str]:
     """List the units of a quantity in their usual spelling."""
     return [name for names in _SPELLINGS[quantity].values() for name in names.partition("|")[0].split()]
+
+
+def known_units(quantity: str) -> str:
+    """List in words the units of a quantity that a mapping may state."""
+    absolute = "; or bara, psia, ... if absolute" if quantity == "pressure" else ""
+    signals = "" if quantity == "time" else f"; or {', '.join(_SIGNALS)} with the sensor"
+    return f"one of {', '.join(usual_units(quantity))}{absolute}{signals}"
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:
@@ -400,7 +407,7 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
         if problem := _problem(column, source):
             raise RecordingError(f"column {column!r}: {problem}")
     for (user, other), (column, source) in itertools.combinations(mapping.items(), 2):
-        shared = sorted({*other.names} & {*source.names})
+        shared = sorted({*other.names} & {*source.names} - {NOT_FOUND})
         if shared and (other.table == source.table or not (other.table and source.table)):
             raise RecordingError(
                 f"channel {shared[0]!r} is to fill both {user!r} and {column!r}; expected one column per channel"

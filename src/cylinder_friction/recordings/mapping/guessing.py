@@ -30,8 +30,10 @@ from cylinder_friction.recordings.columns import (
 from cylinder_friction.recordings.formats.cells import NEVER_FALLS, way_of
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import (
+    NOT_FOUND,
     column_scale,
     electrical,
+    known_units,
     of_stroke,
     quantity_of,
     stated_rate,
@@ -41,8 +43,6 @@ from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import printable
 
-NOT_FOUND = "NOT FOUND"
-"""Placeholder for a channel's name that the user must fill in; ingest refuses it and lists the file's channels."""
 LISTED = 60  # Most unused channels that are listed
 NEARLY = 3.0  # Largest distance from the best score of candidates that are also named
 BELOW_ZERO = 0.05
@@ -324,7 +324,7 @@ def guess_mapping(
     elif not chosen and ranked[TIME] and not (rate_hz or why):
         chosen[TIME] = ranked[TIME][0][0]
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
-    columns = {column: _guessed(column, chosen, ranked[column], cylinder, units or {}) for column in wanted}
+    columns = {column: _guessed(column, chosen, ranked[column], facts, cylinder, units or {}) for column in wanted}
     if TIME not in chosen:
         entry, checks = {"rate_hz": rate_hz} if rate_hz else {}, (why,) if why else ()
         columns[TIME] = GuessedColumn(TIME, None, entry, checks=checks)
@@ -381,12 +381,13 @@ def _guessed(
     column: str,
     chosen: Mapping[str, ChannelFacts],
     ranked: Ranked,
+    facts: Sequence[ChannelFacts],
     cylinder: Cylinder | None,
     units: Mapping[str, str],
 ) -> GuessedColumn:
     channel = chosen.get(column)
     if channel is None:
-        return GuessedColumn(column, None)
+        return GuessedColumn(column, None, checks=_in_another_unit(column, facts))
     taken = {id(other) for other in chosen.values()}
     least = next(score for other, score in ranked if other is channel) - NEARLY
     others = tuple(
@@ -413,6 +414,18 @@ def _guessed(
         checks.append(f"the unit is stated nowhere{also}")
     entry = {"channel": channel.name, "unit": unit}
     return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, fitting)
+
+
+def _in_another_unit(column: str, facts: Sequence[ChannelFacts]) -> tuple[str, ...]:
+    """State which channel is named like a column, but in a unit of another quantity or one that is not known."""
+    quantity = QUANTITIES[column]
+    like = [each for each in facts if each.words.quantity == quantity and each.words.side in (0, SIDES.get(column, 0))]
+    return tuple(
+        f"{each.name!r} states the unit {each.unit!r}, which is none of {quantity}; expected {known_units(quantity)}; "
+        "name the channel with its right unit"
+        for each in like
+        if each.unit and quantity_of(each.unit) != quantity
+    )[:1]
 
 
 def _size(column: str, channel: ChannelFacts) -> str:
@@ -497,11 +510,11 @@ def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
     """Refuse a guess with open columns or units, or ``units`` (by quantity) that the file contradicts."""
     unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
     if unknown:
-        why = "".join(f": {check}" for check in unknown.get(TIME, ()))
+        why = "".join([f": {check}" for checks in unknown.values() for check in checks][:1])
         why += f" ({ONE_CHAMBER})" if PRESSURE_2 in unknown and PRESSURE_1 not in unknown else ""
         raise RecordingError(
-            f"no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; state channels, starting "
-            "from\n" + "\n".join(channel_lines(guess))
+            f"no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; write a mapping and "
+            "give it by --channels, starting from channels:\n" + "\n".join(channel_lines(guess))
         )
     doubtful: dict[str, list[GuessedColumn]] = {}
     for name, each in guess.columns.items():

@@ -196,8 +196,8 @@ def _refuse_short_seconds(stamps: OrderedStamps, firsts: Indices, stretch: Indic
         first = firsts[short[0]]
         raise RecordingError(
             f"time_s holds whole seconds, and {stamps.time_s[first]:.9g} s (from row {stamps.rows[first] + 1} on) has "
-            f"{rows[short[0]]} rows, but a second usually {usual:.0f}: samples are missing in this second, and where in "
-            "it is not known; log time with a finer resolution, or cut the file there"
+            f"{rows[short[0]]} rows, but a second usually {usual:.0f}: samples are missing in this second, and where "
+            "is not known; log time with a finer resolution, or cut the file there"
         )
 
 
