@@ -72,6 +72,19 @@ def test_an_unknown_friction_has_its_reason_in_estimate_and_inspect(
         assert "no position is passed both ways faster than 6 mm/s (away from the end stops, at most " in said
 
 
+def test_another_log_than_the_guess_is_of_is_told_how_a_mapping_is_given(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pd.read_csv(log).rename(columns={"P1 [Pa]": "pA [Pa]"}).to_csv(tmp_path / "z.csv", index=False)
+    logs = [str(log), str(tmp_path / "z.csv"), "--cylinder", GEOMETRY]
+    for command, output in (("estimate", "out"), ("inspect", "page.html")):
+        assert main([command, *logs, "--output", str(tmp_path / output)]) == 1
+        assert (
+            "channels.pressure_1_pa.channel in the mapping (no mapping was given, and this one was guessed from "
+            "'stroke.csv': `cylinder-friction ingest init` writes one for --channels)"
+        ) in capsys.readouterr().out
+
+
 def test_nothing_is_said_about_bounds_of_no_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, rows = tmp_path / "short.csv", "".join(f"{each / 10},1,{each},3\n" for each in range(9))
     log.write_text(f"Time [s],P1 [bar],P2 [bar],Position [mm]\n{rows}", encoding="utf-8")

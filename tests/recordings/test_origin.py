@@ -150,10 +150,17 @@ PATTERN = r"(?P<day>\d\d)(?P<month>\d\d)(?P<year>\d\d)(?:_(?P<hour>\d\d)(?P<minu
 def test_a_file_name_states_the_start_if_the_log_does_not(
     tmp_path: Path, cylinder: Cylinder, name: str, start: str
 ) -> None:
-    made_log(4000).to_csv(tmp_path / f"{name}.csv", index=False)
+    for file in (name, "z_280326"):
+        made_log(4000).to_csv(tmp_path / f"{file}.csv", index=False)
     rules = {"zone": "Europe/Oslo", "pattern": PATTERN}
-    (recording,) = recordings_of(find_logs(tmp_path, {"channels": CHANNELS, "start": rules}, cylinder))
+    settings = {"channels": CHANNELS, "start": rules}
+    recording = next(recordings_of(find_logs(tmp_path, settings, cylinder)))
     assert isinstance(recording, Recording), recording
-    note = f"start.pattern {PATTERN!r} finds no date in '{name}.csv'; its start is not known"
-    assert (recording.metadata.start, recording.metadata.repairs) == (start, () if start else (note,))
+    note = f"start.pattern '{PATTERN}' finds no date in '{name}.csv'; correct it or the name; until then its start is"
+    assert (recording.metadata.start, recording.metadata.repairs) == (start, () if start else (f"{note} not known",))
     assert recording.metadata.start_source.startswith("file name, ") == bool(start)
+    if not start:
+        with pytest.warns(
+            UserWarning, match=r"start\.pattern '.*\(\?P<day>\\d\\d\).*' of the mapping finds no date in any"
+        ):
+            find_logs(tmp_path / f"{name}.csv", settings, cylinder)

@@ -192,7 +192,8 @@ def pieces_from(
         signals, bad = screen_signals(signals, limits, recipe.limits.cylinder.stroke_m)
         notes = (*mapped.notes, *bad)
     if start is None and rules.pattern is not None:
-        notes += (f"start.pattern {rules.pattern!r} finds no date in {about.source_file!r}; its start is not known",)
+        none = f"finds no date in {about.source_file!r}; correct it or the name; until then its start is not known"
+        notes += (f"start.pattern '{rules.pattern}' {none}",)
     pieces = align(
         signals,
         recipe.time,
@@ -252,11 +253,11 @@ def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
                     raise found
                 recording = checked_recording(found, file.recipe.limits)
             except RecordingError as error:
-                yield Quarantined(file.name, str(error), piece)
+                yield Quarantined(file.name, file.recipe.advice(error), piece)
                 continue
             yield Converted(recording.metadata, recording, samples_hash(found.columns))
     except (RecordingError, OSError) as error:
-        yield Quarantined(file.name, str(error), piece and f"after {piece}")
+        yield Quarantined(file.name, file.recipe.advice(error), piece and f"after {piece}")
 
 
 def recordings_of(logs: Logs, rows: int | None = None) -> Iterator[Recording | Quarantined]:

@@ -163,6 +163,14 @@ class Recipe:
     start: StartRules = field(default_factory=StartRules)
     asset: str = ""  # Name of the machine, if the files' names do not state it
     database: Path | None = None  # DBC file of the bus, for files that contain CAN frames
+    guessed_from: str = ""  # Name of the file from which ``channels`` was guessed; empty if they were stated
+
+    def advice(self, error: Exception) -> str:
+        """Add to a message that names the mapping how one is given, if there is none but a guessed one."""
+        if not (self.guessed_from and re.search(r"mapping|channels\.", str(error))):
+            return str(error)
+        guess = f"no mapping was given, and this one was guessed from {self.guessed_from!r}"
+        return f"{error} ({guess}: `cylinder-friction ingest init` writes one for --channels)"
 
     @classmethod
     def from_settings(
@@ -259,7 +267,7 @@ def find_logs(
             settings["database"] = database
         if rate_hz is not None:
             settings["time"] = {**settings.get("time", {}), "rate_hz": rate_hz}
-        logs = _logs(paths, settings, cylinder, names, load)
+        logs = _logs(paths, settings, cylinder, names, load, "" if guess is None else paths[0].name)
     except (TypeError, AttributeError) as error:
         raise RecordingError(
             f"{mapping or 'channels'}: is no mapping of channels to columns with rules ({error}); see `ingest init`"
@@ -300,14 +308,16 @@ def _logs(
     cylinder: Cylinder,
     names: str | None,
     load: LoadMode | StatedLoad | None,
+    guessed_from: str,
 ) -> Logs:
     root = _root(paths, settings.get("source"))
     files = {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}
     rules = NameRules(names or settings.get("name_pattern"))
     if not names and rules.pattern is not None and not any(re.search(rules.pattern, file) for file in files):
-        words = f"name_pattern {rules.pattern!r} of the mapping finds no session in any path, such as"
+        words = f"name_pattern '{rules.pattern}' of the mapping finds no session in any path, such as"
         rules = NameRules()
-        warnings.warn(f"{words} {next(iter(files))!r}: each file is a session of its own", stacklevel=4)
+        own = "each file is a session of its own; correct it, or state another by --names"
+        warnings.warn(f"{words} {next(iter(files))!r}: {own}", stacklevel=4)
     mode: LoadMode = "measured" if LOAD_FORCE in settings["channels"] else "none"
     mapped = settings.get("load")
     if mapped not in (None, *get_args(LoadMode)):
@@ -317,7 +327,11 @@ def _logs(
     mode = "position" if mapped == "position" else mode
     recipe = Recipe.from_settings(settings, rules, cylinder, load or mode)
     check_mapping(recipe.channels)
-    return Logs(root, files, recipe)
+    if (pattern := recipe.start.pattern) is not None and not any(map(recipe.start.named, files)):
+        words = f"start.pattern '{pattern}' of the mapping finds no date in any path, such as {next(iter(files))!r}"
+        warnings.warn(f"{words}: no start is known from it; correct it, or leave it out", stacklevel=4)
+        recipe = replace(recipe, start=replace(recipe.start, pattern=None))
+    return Logs(root, files, replace(recipe, guessed_from=guessed_from))
 
 
 def log_paths(files: Sequence[str | Path]) -> list[Path]:

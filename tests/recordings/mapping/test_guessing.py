@@ -149,7 +149,7 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
         ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "", {"channel": "ElapsedTicks", "unit": "100ns"}),
         ({"ticks": 5 * np.arange(ROWS)}, "", {"channel": "ticks", "unit": "ms"}),
         ({"Time": np.round(TIME, 1), "flow": STROKE}, "", {"channel": "Time", "unit": "s"}),
-        ({"Time": np.arange(ROWS)}, "ms", {"channel": "Time", "unit": "ms"}),
+        ({"Sekunden seit Mitternacht": np.arange(ROWS)}, "ms", {"channel": "Sekunden seit Mitternacht", "unit": "ms"}),
         ({"column_1": np.arange(ROWS)}, "ms", {"channel": "NOT FOUND", "unit": "s"}),
         ({"column_1": np.arange(ROWS)}, "200Hz", {"rate_hz": 200}),
         ({"column_1": np.arange(ROWS)}, "1 kHz", {"rate_hz": 1000}),

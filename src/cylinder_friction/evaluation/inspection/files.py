@@ -52,7 +52,7 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
     try:
         pieces = pieces_from(open_tables(path, recipe), recipe, about)
     except (RecordingError, OSError) as error:
-        findings.append(Finding("file", "refused", str(error)))
+        findings.append(Finding("file", "refused", recipe.advice(error)))
         pieces = []
         with suppress(RecordingError, OSError):  # With its bad samples, to inspect them
             pieces = pieces_from(open_tables(path, recipe), recipe, about, screened=False)
@@ -64,7 +64,8 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
 
 
 def _checked(piece: Recording, recipe: Recipe) -> tuple[Sequence[Finding], Recording | None]:
-    findings = [Finding("repair", "repaired", text) for text in piece.metadata.repairs]
+    repairs = [(text, "start" if text.endswith("is not known") else "repair") for text in piece.metadata.repairs]
+    findings = [Finding(check, "noted" if check == "start" else "repaired", text) for text, check in repairs]
     findings += inspect_recording(piece.columns, recipe.limits, piece.sample_time_s)
     try:
         return findings, Recording(piece.metadata, piece.columns)

@@ -242,7 +242,8 @@ def _up_to_whole_line(file: Any, start: int) -> Text:
     whole = max(body.rfind(b"\n"), body.rfind(b"\r")) + 1
     if 0 < whole < len(body):
         cut = body[whole:][:80].decode(errors="replace")
-        notes.append(f"its last line has no line end and may be cut in a number; it was left out: {cut!r}")
+        left = f"it was left out: {cut!r}; copy the file again if its end is missing"
+        notes.append(f"its last line has no line end and may be cut in a number; {left}")
     end = begin + len(body[:whole].rstrip(b"\r\n"))
     if end <= start:
         raise RecordingError(
@@ -265,7 +266,8 @@ def guarded(what: str) -> Iterator[None]:
     except Exception as error:
         message = f"{type(error).__name__}: {in_brief(error, 300)}".removesuffix(": ")
         raise RecordingError(
-            f"cannot be read as {what} ({message}); it is damaged, cut off or of another kind"
+            f"cannot be read as {what} ({message}); it is damaged, cut off or of another kind; copy it again from the "
+            "logger, or export it anew"
         ) from None
     finally:
         logging.disable(quiet)

@@ -36,7 +36,9 @@ def _words(words: str, stems: str = "") -> Vocabulary:
 
 QUANTITY_WORDS = {
     "pressure": _words("p pr press pres", "druck pressure"),
-    "time": _words("t time date datum seconds secs sek clock ticks", "zeit timestamp datetime elapsed"),
+    "time": _words(
+        "t time date datum seconds secs sek clock ticks", "zeit timestamp datetime elapsed sekunde mitternacht"
+    ),
     "temperature": _words("temp", "temperatur"),
     "length": _words("x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf"),
     "force": _words("f fx fz load last", "force kraft loadcell kraftmess friction reibung"),
