@@ -130,7 +130,7 @@ def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter
         curve=curve,
         load_n=load_n,
         half_difference_n=half_difference_n,
-        unknown="" if known else unknown_friction(*motion, usable, least_m_s, cylinder.stroke_m),
+        unknown="" if known else unknown_friction(*motion, usable, least_m_s, labeller.cylinder.stroke_m),
         no_curve=no_curve,
         assumed=_assumed(labelled, labeller, load),
         load=load,
