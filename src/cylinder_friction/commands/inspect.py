@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cylinder_friction.commands.log_options import collect_notes, cylinder_of, load_of, units_of
+from cylinder_friction.commands.log_options import advice, collect_notes, cylinder_of, load_of, units_of
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.labelling.apparent_loss import named_loss
 from cylinder_friction.labelling.known_offset import known_offsets
@@ -88,7 +88,9 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
         Labeller(cylinder, load=load), filters, "adaptive", len(logs.files), OffsetPlan(), LOADED.get(load, "")
     )
     report, refused = _inspect_files(logs.files, logs.recipe, making, options.output)
-    return "\n".join([*(f"note     {note}" for note in notes), report]), refused
+    return "\n".join(
+        [*(f"note     {note}" for note in notes), report, *advice(logs.guessed, [report] * refused)]
+    ), refused
 
 
 def _files(path: Path, params: Params) -> dict[str, Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
@@ -111,6 +111,14 @@ def collect_notes(function: Callable[[], Result]) -> tuple[Result, list[str]]:
     return result, [str(each.message) for each in caught]
 
 
+def advice(guessed: Mapping[str, Any] | None, reasons: Iterable[str]) -> list[str]:
+    """Say how a mapping is given if a reason for a refusal names the mapping, but this one was guessed."""
+    if guessed is None or not any("mapping" in each or "channels." in each for each in reasons):
+        return []
+    words = f"the mapping named above was guessed from {guessed['from']}, as no mapping was given"
+    return [f"note     {words}: `cylinder-friction ingest init` writes one, to be given by --channels"]
+
+
 def print_result(
     result: FrictionOfLogs | FrictionModels,
     notes: Sequence[str],
@@ -124,5 +132,6 @@ def print_result(
         print(json.dumps({**result.to_dict(), "notes": notes}, indent=2))
         return
     refused = [f"{each.file}: refused: {each.reason}" for each in result.refused]
+    refused += advice(result.guessed, refused)
     where = [f"files    {result.folder}", f"page     {result.folder / page}"]
     print("\n".join([*(f"note     {note}" for note in notes), *lines, *refused, "", *beside, *where]))

@@ -251,7 +251,7 @@ def _depends_on(
     database = logs.recipe.database
     given = hash_of(database) if database is not None and database.is_file() else ""
     limits = {name: value for name, value in vars(logs.recipe.limits).items() if name != "cylinder"}
-    mapping = f"{vars(logs.recipe) | {'limits': limits, 'guessed_from': ''}}{given}"
+    mapping = f"{vars(logs.recipe) | {'limits': limits}}{given}"
     contents = {"cylinder": repr(cylinder), "mapping": mapping, "format": file_format}
     hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in contents.items()}
     hashes |= {"version of the code": hash_of(Path(__file__).parents[1]), "model": ""}

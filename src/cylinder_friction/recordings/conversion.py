@@ -253,11 +253,11 @@ def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
                     raise found
                 recording = checked_recording(found, file.recipe.limits)
             except RecordingError as error:
-                yield Quarantined(file.name, file.recipe.advice(error), piece)
+                yield Quarantined(file.name, str(error), piece)
                 continue
             yield Converted(recording.metadata, recording, samples_hash(found.columns))
     except (RecordingError, OSError) as error:
-        yield Quarantined(file.name, file.recipe.advice(error), piece and f"after {piece}")
+        yield Quarantined(file.name, str(error), piece and f"after {piece}")
 
 
 def recordings_of(logs: Logs, rows: int | None = None) -> Iterator[Recording | Quarantined]:

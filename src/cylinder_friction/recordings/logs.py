@@ -163,14 +163,6 @@ class Recipe:
     start: StartRules = field(default_factory=StartRules)
     asset: str = ""  # Name of the machine, if the files' names do not state it
     database: Path | None = None  # DBC file of the bus, for files that contain CAN frames
-    guessed_from: str = ""  # Name of the file from which ``channels`` was guessed; empty if they were stated
-
-    def advice(self, error: Exception) -> str:
-        """Add to a message that names the mapping how one is given, if there is none but a guessed one."""
-        if not (self.guessed_from and re.search(r"mapping|channels\.", str(error))):
-            return str(error)
-        guess = f"no mapping was given, and this one was guessed from {self.guessed_from!r}"
-        return f"{error} ({guess}: `cylinder-friction ingest init` writes one for --channels)"
 
     @classmethod
     def from_settings(
@@ -267,7 +259,7 @@ def find_logs(
             settings["database"] = database
         if rate_hz is not None:
             settings["time"] = {**settings.get("time", {}), "rate_hz": rate_hz}
-        logs = _logs(paths, settings, cylinder, names, load, "" if guess is None else paths[0].name)
+        logs = _logs(paths, settings, cylinder, names, load)
     except (TypeError, AttributeError) as error:
         raise RecordingError(
             f"{mapping or 'channels'}: is no mapping of channels to columns with rules ({error}); see `ingest init`"
@@ -308,7 +300,6 @@ def _logs(
     cylinder: Cylinder,
     names: str | None,
     load: LoadMode | StatedLoad | None,
-    guessed_from: str,
 ) -> Logs:
     root = _root(paths, settings.get("source"))
     files = {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}
@@ -331,7 +322,7 @@ def _logs(
         words = f"start.pattern '{pattern}' of the mapping finds no date in any path, such as {next(iter(files))!r}"
         warnings.warn(f"{words}: no start is known from it; correct it, or leave it out", stacklevel=4)
         recipe = replace(recipe, start=replace(recipe.start, pattern=None))
-    return Logs(root, files, replace(recipe, guessed_from=guessed_from))
+    return Logs(root, files, recipe)
 
 
 def log_paths(files: Sequence[str | Path]) -> list[Path]:

@@ -52,7 +52,7 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
     try:
         pieces = pieces_from(open_tables(path, recipe), recipe, about)
     except (RecordingError, OSError) as error:
-        findings.append(Finding("file", "refused", recipe.advice(error)))
+        findings.append(Finding("file", "refused", str(error)))
         pieces = []
         with suppress(RecordingError, OSError):  # With its bad samples, to inspect them
             pieces = pieces_from(open_tables(path, recipe), recipe, about, screened=False)
