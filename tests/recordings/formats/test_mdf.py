@@ -36,6 +36,7 @@ def test_groups_conversions_text_and_start(tmp_path: Path, version: str, utc: bo
     assert len(fast.channels) == 6
     assert len(slow.channels) == 3
     master = fast.channels.columns[0]
+    assert fast.master == slow.master == master
     np.testing.assert_array_equal(fast.channels[master], T)
     assert fast.units[master] == "s"
     np.testing.assert_array_equal(fast.channels["P1"], raw * 0.5 + 1.0)

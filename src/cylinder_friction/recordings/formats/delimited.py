@@ -180,7 +180,7 @@ class _Rows:
     def _stream(self, padded: bool) -> Any:
         length = self.end - self.begin
         if self.layout.delimiter != "whitespace":
-            return pa.BufferReader(self._padded()) if padded else self.text.file.get_stream(self.begin, length)
+            return pa.BufferReader(self._whole_rows()) if padded else self.text.file.get_stream(self.begin, length)
         content = re.sub(rb"[ \t]+", b"\t", self.text.file.read_at(length, self.begin))
         for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
             content = content.replace(outside, end)
@@ -208,13 +208,13 @@ class _Rows:
             "the channels behind it end before the others"
         )
 
-    def _padded(self) -> bytes:
+    def _whole_rows(self) -> bytes:
         """Pad every row to the number of names, because a group may end before the others."""
         lines, delimiter = [line for _, line in self._lines()], self.layout.delimiter
         widths = [line.count(delimiter) for line in lines]
         if widths != sorted(widths, reverse=True):
             self._refuse_ragged_line()
-        return "\n".join(padded_row(line, delimiter, len(self.layout.names)) for line in lines).encode()
+        return "\n".join(_padded(lines, delimiter, len(self.layout.names))).encode()
 
     def _lines(self) -> list[tuple[int, str]]:
         """List the rows that are not empty, each with its line number in the file, counted from 1."""
@@ -311,7 +311,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
-    lines = _padded(lines, delimiters)
+    lines = _below_names_padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
     # All delimiters that occur in no line give the same grid of one column.
     looked_at = [lines[index] for index in content[-LOOKED_AT:]]
@@ -474,24 +474,24 @@ def repeated_names(names: Sequence[str]) -> set[str]:
     return {name for name, count in counts.items() if name and count > 1} - adjacent
 
 
-def _padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
-    """Pad the rows below a line of repeated names to its number of cells; other lines stay as they are."""
-    for number, line in enumerate(lines):
+def _below_names_padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
+    """Pad the lines below a line of repeated names to its number of cells; lines without one stay as they are."""
+    for number, line in enumerate(lines, start=1):
         if line[:1].isdecimal():  # a row, as most lines are
             continue
         for delimiter in delimiters:
             cells = split_cells(line, delimiter) if delimiter != "whitespace" else []
             if cells and cells[0] in repeated_names(cells) and not is_value(cells[0], None):
-                below = [(row, next(filter(None, split_cells(row, delimiter)), "")) for row in lines[number:]]
-                rows = (padded_row(row, delimiter, len(cells)) if is_value(cell, None) else row for row, cell in below)
-                return [*lines[:number], *rows]
+                return lines[:number] + _padded(lines[number:], delimiter, len(cells))
     return lines
 
 
-def padded_row(line: str, delimiter: str, width: int) -> str:
-    """Append empty cells up to ``width`` cells."""
-    bare = line.rstrip("\r\n")
-    return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :]
+def _padded(lines: list[str], delimiter: str, width: int) -> list[str]:
+    """Append empty cells to each line up to ``width`` cells; an empty line stays empty."""
+    bare = ((line.rstrip("\r\n"), line) for line in lines)
+    return [
+        own + delimiter * (width - 1 - own.count(delimiter)) + line[len(own) :] if own else line for own, line in bare
+    ]
 
 
 FORMAT = Format("csv", "a text table", read_delimited, ("csv", "rows"))

@@ -43,6 +43,7 @@ class LoggedTable:
     name: str = ""  # Name of the table or group in the file; empty if the file has only one
     unread: tuple[str, ...] = ()  # Names of channels that were not wanted
     notes: tuple[str, ...] = ()  # Repairs by the reader, one sentence each, for example a last line that was cut off
+    master: str = ""  # Channel that stamps the rows, if the file states it
     start: Start | None = None  # When its clock was at 0 s, as the file states it outside the rows
     utc: bool = False  # Whether its time stamps are in UTC; otherwise their time zone is not stated
     # Reads the parts after this one, with the same channels, if the table is too long to be read at once

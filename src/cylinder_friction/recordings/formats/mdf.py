@@ -92,7 +92,10 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
     shortest = min((len(column) for _, column in columns), default=about.cycles_nr)
     notes = (f"the file is cut off: {shortest} of {about.cycles_nr} samples are there",)
     title = str(getattr(about, "acq_name", "") or getattr(about, "comment", "") or "").strip() or f"group {index + 1}"
-    return LoggedTable(named_columns(columns), units, title, tuple(unread), notes if shortest < about.cycles_nr else ())
+    cut = notes if shortest < about.cycles_nr else ()
+    return LoggedTable(
+        named_columns(columns), units, title, tuple(unread), cut, "" if master is None else names[master]
+    )
 
 
 def _values(signal: Any) -> NDArray[Any]:

@@ -144,10 +144,10 @@ def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
 
 
 def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> None:
-    """Refuse a table with an unused clock that contradicts the clock in use, or the stated rate."""
+    """Refuse a table with an unused clock that contradicts the stated rate, or a clock in use that is no master."""
     for clock, time_s in stamps.items():
         steps_s = np.diff(time_s[np.isfinite(time_s)])
-        if len(steps_s) < FEWEST_ROWS:
+        if len(steps_s) < FEWEST_ROWS or clock.channel == tables[clock.table].master != "":
             continue
         own_hz = [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0]
         if not own_hz:
