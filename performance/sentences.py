@@ -74,7 +74,7 @@ WORLDS = {
     "asymmetry by session": World(options={"asymmetry_sd": 0.02}),
     "weight that nobody states": World(options=WEIGHT),
     "weight by position": World(options=WEIGHT, load="position", identifies=True),
-    "weighed load": World(options=WEIGHT, load=f"{WEIGHT_N:g}+-40"),
+    "weighed load": World(options=WEIGHT, load=f"{WEIGHT_N + 23.0:g}+-40"),
     "line": World(options={"line_loss_bar": 6.0}, identifies=True),
     "line, weight by position": World(options={"line_loss_bar": 3.0, **WEIGHT}, load="position"),
     "noisy position": World(noisy_position=True),
@@ -129,14 +129,18 @@ class Simulated:
         return pd.DataFrame(pd.concat(tables))
 
     def zero_n(self, name: str) -> float:
-        """Return the offset of the force that the logged pressures give, less the true one, while resting [N]."""
-        areas = self.cylinder.piston_area_m2, self.cylinder.annulus_area_m2
+        """Return the offset of the force that the logged pressures give, less the true one [N].
+
+        It is the median of rows, as the logger's filter lags where pressure changes; with a line, of resting rows.
+        """
+        areas = self.cylinder.piston_area_m2, -self.cylinder.annulus_area_m2
         off = []
         for each in self.own(name):
             still = np.abs(each.truth["velocity_m_s"].to_numpy()) < 1e-4
+            read_n = np.zeros(len(still))
             for place, (column, area) in enumerate(zip(("pressure_1_pa", "pressure_2_pa"), areas, strict=True)):
-                read_pa = 1e5 * each.logger.iloc[:, 1 + place].to_numpy() - each.truth[column].to_numpy()
-                off.append((1.0 if place == 0 else -1.0) * area * float(read_pa[still].mean()) * 2.0)
+                read_n += area * (1e5 * each.logger.iloc[:, 1 + place].to_numpy() - each.truth[column].to_numpy())
+            off.append(float(np.median(read_n[still] if self.world.line_bar else read_n)))
         return float(np.mean(off)) if off else math.nan
 
     def uneven(self, name: str) -> float:
