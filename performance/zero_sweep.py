@@ -161,7 +161,7 @@ def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinde
         level_n, taken_off = float(np.mean(np.abs(truth_n[rows]))), found.source == STROKES
         left_n = error_n - (found.offset_n if taken_off else 0.0)
         if taken_off:
-            half_n = np.sqrt(np.maximum(half_n**2 - found.stated_n**2, 0.0) + found.uncertainty_n**2)
+            half_n = found.half_n(half_n)
         missed_n = abs(float(np.mean(error_n)) - found.offset_n)
         yield {
             "with %": 100.0 * float(np.mean(np.abs(left_n))) / level_n,

@@ -76,7 +76,8 @@ def _force_errors_percent(recording: Recording, motion: MotionIdentification) ->
     signals, usable = signals_of(recording), recording.usable()
     force_n = drive_force(signals, CYLINDERS["emps"])
     velocity, acceleration = signals.velocity_m_s, signals.acceleration_m_s2
-    error_n = force_n - motion.force(acceleration, velocity)
+    friction_n = motion.viscous_n_s_m * velocity + motion.coulomb_n * np.sign(velocity)
+    error_n = force_n - (motion.mass_kg * acceleration + friction_n + motion.offset_n)
     force, error = (
         motion_points(each, each, velocity, acceleration, recording.sample_time_s, usable, 0.0).force_n
         for each in (force_n, error_n)

@@ -31,7 +31,7 @@ from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, holds_load, unknown_friction, up_and_down
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag, unknown_in_words
 from cylinder_friction.realtime.trained_for import pressure_noise_pa
-from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.conversion import (
     Converted,
     LoggedFile,
@@ -74,7 +74,7 @@ class LabelledRecording(Converted):
     evidence: OffsetEvidence | None  # Evidence on the sensors' offset; None with an estimator
     load: str  # The load that was identified and subtracted, in words; empty if none was
     rows: int
-    load_uncertainty_n: float = 0.0  # Expanded uncertainty (k = 2) of an identified load [N]
+    load_uncertainty_n: float = 0.0  # Expanded uncertainty (k = 2) of an identified or stated load [N]
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,13 @@ class RecordingFriction:
         if estimator is None:
             known = LOADED.get(self.labeller.load, "")
             evidence = offset_evidence(labelled, self.labeller.cylinder, PLAN, *self._halves(labelled), known)
-        load, off_n = ("", 0.0) if of_session is None else (of_session.sentence(), of_session.expanded_n)
+        load = "" if of_session is None else of_session.sentence()
+        off_n = self._stated_load_n(labelled) if of_session is None else of_session.expanded_n
         return LabelledRecording(each.metadata, labelled, each.samples, evidence, load, len(labelled), off_n)
+
+    def _stated_load_n(self, recording: Recording) -> float:
+        """Return the expanded uncertainty (k = 2) of a load that the user stated, which all sessions share [N]."""
+        return COVERAGE_FACTOR * recording.metadata.uncertainty[LOAD_FORCE].zero if self.stated_load else 0.0
 
     def _halves(self, recording: Recording) -> tuple[float, float]:
         """Return half the sum and half the difference of extending and retracting friction at equal positions [N]."""
@@ -163,8 +168,7 @@ class RecordingFriction:
         if UNCERTAINTY_COLUMN in recording.columns:
             half_n = recording.column(UNCERTAINTY_COLUMN)
         if known.source == STROKES:
-            friction_n = friction_n - known.offset_n
-            half_n = np.sqrt(np.maximum(half_n**2 - known.stated_n**2, 0.0) + known.uncertainty_n**2)
+            friction_n, half_n = friction_n - known.offset_n, known.half_n(half_n, self._stated_load_n(recording))
         if loss is not None:
             half_n = half_n + loss.most_n(recording.column("velocity_m_s"))
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
@@ -277,7 +281,7 @@ class LabelledLogs:
     Attributes:
         refused: Files and recordings that could not be used. This and the following are complete after ``labelled``.
         offsets: The sensors' offset in each session, as far as it is known; empty with an estimator.
-        load_uncertainty_n: Greatest expanded uncertainty (k = 2) of a session's identified load [N].
+        load_uncertainty_n: Greatest expanded uncertainty (k = 2) of a load that was identified or stated [N].
         loss: An apparent loss between sensors and cylinder; None if there is none.
     """
 

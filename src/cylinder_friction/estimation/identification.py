@@ -1,5 +1,6 @@
 """Identify friction models from logger files: Stribeck curve, LuGre parameters, and files for simulators."""
 
+import math
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -248,11 +249,12 @@ class ModelSearch:
         return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
 
     def _zeros_n(self, recordings: Sequence[Recording]) -> float:
-        """Return how far the sensors' zeros, or a load identified with them, may shift friction (k = 2) [N]."""
-        if self.run.load_uncertainty_n:
-            return self.run.load_uncertainty_n
-        sessions = {each.metadata.session for each in recordings} & self.run.offsets.keys()
-        return mean_uncertainty_n([self.run.offsets[name] for name in sorted(sessions)])
+        """Return how far load and zeros may shift friction (k = 2) [N]; an identified load includes the zeros."""
+        load_n, sessions = self.run.load_uncertainty_n, {each.metadata.session for each in recordings}
+        if self.run.friction.labeller.load == "position":
+            return load_n
+        known = [self.run.offsets[name] for name in sorted(sessions & self.run.offsets.keys())]
+        return math.hypot(load_n, mean_uncertainty_n(known))
 
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]

@@ -99,8 +99,7 @@ def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
 
 def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> ApparentLoss | None:
     """Compute ``named_loss`` from labelled recordings."""
-    plan, nan = OffsetPlan(), math.nan
-    return named_loss([offset_evidence(each, cylinder, plan, nan, nan, "") for each in labelled])
+    return named_loss([offset_evidence(each, cylinder, OffsetPlan(), math.nan, math.nan, "") for each in labelled])
 
 
 def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.offset_identification import (
     LEAST_NARROWING,
-    MAY_DIFFER,
     OffsetModel,
     SessionOffset,
     offset_model,
@@ -41,6 +41,8 @@ LEAST_IN_CONDITION = 3
 """Least number of sessions of a condition for identifying their deviations from the mean."""
 ODD_SHARE = 0.1
 """Largest share of uneven sessions that may be left out; if more are uneven, friction or zeros are the cause."""
+NINE_OF_TEN = 0.64
+"""Share of its expanded uncertainty that an error exceeds in one of ten rows, on the side of a constant error."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,16 @@ class KnownOffset:
         if math.isfinite(self.offset_n):
             return f"{self.offset_n:.1f} ± {self.uncertainty_n:.1f} N"
         return f"unknown, at most {self.uncertainty_n:.1f} N" if math.isfinite(self.uncertainty_n) else "unknown"
+
+    def half_n(self, label_n: Array, load_n: float = 0.0) -> Array:
+        """Compute half the width of bounds about friction without this offset [N], shape ``(n,)``.
+
+        ``label_n`` is the label's expanded uncertainty with the zeros as stated, and ``load_n`` that of a stated load.
+        Offset and load are the same in all rows, so that the errors of rows come on top.
+        """
+        variance = np.maximum(label_n**2 - self.stated_n**2, 0.0)
+        same_n = math.hypot(self.uncertainty_n, load_n)
+        return np.maximum(np.sqrt(variance + same_n**2), same_n + NINE_OF_TEN * np.sqrt(variance))
 
 
 def offset_evidence(
@@ -204,8 +216,8 @@ def without_offsets(recordings: Sequence[Recording], models: Mapping[str, Offset
 def _conditions_n(model: OffsetModel, conditions: Mapping[str, str], plan: OffsetPlan) -> dict[str, float]:
     """Compute how far a condition's own asymmetry of friction may shift its sessions' offsets [N] (k = 1).
 
-    The mean offset of a condition looks like such an asymmetry. How much conditions differ follows from these means and
-    from ``MAY_DIFFER``. Empty if there is one condition, or one session in each: then sessions differ, not conditions.
+    The mean offset of a condition looks like such an asymmetry. These means show how much conditions differ; the prior
+    is the plan's asymmetry. Empty if there is one condition, or one session in each: then sessions differ.
     """
     found = list(model.sessions.values())
     names, place, counts = np.unique([conditions[each.session] for each in found], False, True, True)
@@ -214,8 +226,8 @@ def _conditions_n(model: OffsetModel, conditions: Mapping[str, str], plan: Offse
     squares = np.bincount(place, [each.offset_n for each in found]) ** 2 / counts**2
     own = np.bincount(place, [each.prior_n**2 - each.relative_uncertainty_n**2 for each in found]) / counts**2
     alike = np.maximum(own, 1e-9) * (1.0 - 1.0 / len(names))  # Variance of the means if conditions are alike
-    ratio = np.linspace(0.0, 4.0, 101)[:, None]  # Standard deviation between conditions, over that of its prior
-    differ = (MAY_DIFFER * plan.asymmetry * model.level_n * ratio) ** 2
+    ratio = np.linspace(0.0, 4.0, 401)[:, None]  # Standard deviation between conditions, over that of its prior
+    differ = (plan.asymmetry * model.level_n * ratio) ** 2
     unlikely = (np.log(alike + differ) + squares / (alike + differ)).sum(axis=1) + ratio[:, 0] ** 2
     share = differ / (alike + differ)
     likely = np.exp(0.5 * (unlikely.min() - unlikely))
@@ -278,21 +290,16 @@ def _known(
             f"s, {together}",
             condition_n,
         )
-    stated = [math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]
-    stated_n = float(np.max(stated))
-    return KnownOffset(
-        session, NOTHING if math.isnan(stated_n) else STATED, f"not identified: {why_not}", stated_n, stated_n
-    )
+    stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))
+    source = NOTHING if math.isnan(stated_n) else STATED
+    return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n)
 
 
 def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
     """Explain why strokes do not determine an offset under the plan's assumptions on friction; empty if they do."""
-    for missing, way, count in (
-        ("retracting", "extending", found.strokes_retract),
-        ("extending", "retracting", found.strokes_extend),
-    ):
-        if not count:
-            return f"strokes {way} alone do not separate it from friction; record strokes {missing} too"
+    if not (found.strokes_extend and found.strokes_retract):
+        way, missing = ("retracting", "extending") if found.strokes_retract else ("extending", "retracting")
+        return f"strokes {way} alone do not separate it from friction; record strokes {missing} too"
     if model.plan.asymmetry > UNEXPECTED * plan.asymmetry:
         return (
             f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "

@@ -67,15 +67,6 @@ class MotionIdentification:
         low, high = self.mass_interval_kg
         return self.mass_kg > 0.0 and high - low <= self.mass_kg
 
-    def force(self, acceleration_m_s2: Array, velocity_m_s: Array) -> Array:
-        """Compute the force that this motion requires [N], of the velocity's shape."""
-        return np.asarray(
-            self.mass_kg * acceleration_m_s2
-            + self.viscous_n_s_m * velocity_m_s
-            + self.coulomb_n * np.sign(velocity_m_s)
-            + self.offset_n
-        )
-
     def sentence(self) -> str:
         """State in words whether the motion determines the mass."""
         low, high = self.mass_interval_kg

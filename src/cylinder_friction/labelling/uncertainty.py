@@ -74,12 +74,9 @@ def line_uncertainty(recording: Recording, cylinder: Cylinder, velocity_m_s: Arr
 
     Both lines have the same error, so their uncertainties add.
     """
-    lines = recording.metadata.line_loss
-    areas = {name: abs(area) for name, area in sensitivities(recording, cylinder).items() if name in lines}
-    lost_n = (
-        area * lines[name].standard_uncertainty * lines[name].lost_pa(velocity_m_s) for name, area in areas.items()
-    )
-    return sum(map(np.abs, lost_n), start=0.0)
+    areas, lines = sensitivities(recording, cylinder), recording.metadata.line_loss
+    pairs = [(area * lines[name].standard_uncertainty, lines[name]) for name, area in areas.items() if name in lines]
+    return sum((np.abs(share * line.lost_pa(velocity_m_s)) for share, line in pairs), start=0.0)
 
 
 def sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
