@@ -214,7 +214,7 @@ class _Rows:
         widths = [line.count(delimiter) for line in lines]
         if widths != sorted(widths, reverse=True):
             self._refuse_ragged_line()
-        return "\n".join(_padded(lines, delimiter, len(self.layout.names))).encode()
+        return "\n".join(_padded(line, delimiter, len(self.layout.names)) for line in lines).encode()
 
     def _lines(self) -> list[tuple[int, str]]:
         """List the rows that are not empty, each with its line number in the file, counted from 1."""
@@ -311,7 +311,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
-    lines = _below_names_padded(lines, delimiters)
+    lines = _rows_padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
     # All delimiters that occur in no line give the same grid of one column.
     looked_at = [lines[index] for index in content[-LOOKED_AT:]]
@@ -474,24 +474,24 @@ def repeated_names(names: Sequence[str]) -> set[str]:
     return {name for name, count in counts.items() if name and count > 1} - adjacent
 
 
-def _below_names_padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
-    """Pad the lines below a line of repeated names to its number of cells; lines without one stay as they are."""
-    for number, line in enumerate(lines, start=1):
+def _rows_padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
+    """Pad the rows below a line of repeated names to its number of cells; other lines stay as they are."""
+    for number, line in enumerate(lines):
         if line[:1].isdecimal():  # a row, as most lines are
             continue
         for delimiter in delimiters:
             cells = split_cells(line, delimiter) if delimiter != "whitespace" else []
             if cells and cells[0] in repeated_names(cells) and not is_value(cells[0], None):
-                return lines[:number] + _padded(lines[number:], delimiter, len(cells))
+                below = [(row, next(filter(None, split_cells(row, delimiter)), "")) for row in lines[number:]]
+                rows = (_padded(row, delimiter, len(cells)) if is_value(cell, None) else row for row, cell in below)
+                return [*lines[:number], *rows]
     return lines
 
 
-def _padded(lines: list[str], delimiter: str, width: int) -> list[str]:
-    """Append empty cells to each line up to ``width`` cells; an empty line stays empty."""
-    bare = ((line.rstrip("\r\n"), line) for line in lines)
-    return [
-        own + delimiter * (width - 1 - own.count(delimiter)) + line[len(own) :] if own else line for own, line in bare
-    ]
+def _padded(line: str, delimiter: str, width: int) -> str:
+    """Append empty cells up to ``width`` cells."""
+    bare = line.rstrip("\r\n")
+    return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :]
 
 
 FORMAT = Format("csv", "a text table", read_delimited, ("csv", "rows"))
