@@ -276,7 +276,7 @@ def markdown_tables(comparison: Comparison, published: bool = False) -> str:
     notes = row_notes(comparison)
     against_label = error_table(comparison.label, comparison.conditions, "label", notes, published).markdown()
     count = f"{comparison.sessions} held-out session{'s' if comparison.sessions > 1 else ''}"
-    bold = "Bold: the smallest error of a condition, and those that it is not clearly better than."
+    bold = "Bold: the smallest error of each condition, and errors that are not clearly larger."
     if all(len(score.sessions.percent) < 2 for score in comparison.label[comparison.estimators[0]].values()):
         bold = (
             "Bold: the smallest error of a condition. No condition has two held-out sessions, so that nothing shows "
