@@ -34,6 +34,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.front_end import Design
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.evaluation.truth import read_truth
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.sliding_blocks import up_and_down
 from cylinder_friction.realtime.position_load import PositionLoad
@@ -48,7 +49,6 @@ from cylinder_friction.recordings.columns import (
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import ROLES
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.signals.rts import RtsSmoother
 
 INPUTS = (*SAMPLE_COLUMNS, OTHER_POSITIONS[0])

@@ -22,12 +22,12 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.evaluation.truth import known_truth
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import ROLES
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.signals.motion import near_events
 
 EVENT_WINDOW_S = 0.1

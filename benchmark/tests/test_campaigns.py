@@ -11,10 +11,10 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.commands.params import compose_params
+from cylinder_friction.evaluation.truth import read_truth
 from cylinder_friction.params.checking import Params, check_params
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label, record

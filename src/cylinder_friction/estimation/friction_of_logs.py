@@ -153,10 +153,6 @@ class RecordingFriction:
         position_m, velocity_m_s, friction_n = map(recording.column, ("position_m", "velocity_m_s", "friction_n"))
         return up_and_down(position_m, velocity_m_s, friction_n, recording.usable(), PLAN.slowest_m_s)
 
-    def _unknown(self, recording: Recording) -> str:
-        motion = recording.column("position_m"), recording.column("velocity_m_s"), recording.usable()
-        return unknown_friction(*motion, PLAN.slowest_m_s, self.labeller.cylinder.stroke_m)
-
     def finished(self, recording: Recording, known: KnownOffset | None, loss: ApparentLoss | None = None) -> Recording:
         """Add bounds to a recording, and subtract the offset of its session if strokes determine one.
 
@@ -197,7 +193,7 @@ class RecordingFriction:
             duration_s=rows * about.sample_time_s,
             usable_percent=100.0 * int(recording.usable().sum()) / rows,
             friction_n=known_number(half_n),
-            unknown="" if math.isfinite(half_n) else self._unknown(recording),
+            unknown="" if math.isfinite(half_n) else unknown_friction(recording, PLAN, self.labeller.cylinder),
             flags_percent=None if estimator is None else shares,
             load=load or known,
             not_known=other or ("" if flags is None else unknown_in_words(rows, counts)),

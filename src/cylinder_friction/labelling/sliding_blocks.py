@@ -185,17 +185,16 @@ def up_and_down(
     return float(np.median(0.5 * (extending_n + retracting_n))), float(np.median(0.5 * (extending_n - retracting_n)))
 
 
-def unknown_friction(
-    position_m: Array, velocity_m_s: Array, usable: NDArray[np.bool_], slowest_m_s: float, stroke_m: float
-) -> str:
-    """State why ``up_and_down`` finds no friction, and what to check."""
-    speed_mm_s, travel_mm = 1e3 * velocity_m_s[usable], 1e3 * position_m
+def unknown_friction(recording: Recording, plan: OffsetPlan, cylinder: Cylinder) -> str:
+    """State why ``up_and_down`` finds no friction in a labelled recording, and what to check."""
+    speed_mm_s, travel_mm = (1e3 * recording.column(name) for name in ("velocity_m_s", "position_m"))
+    speed_mm_s = speed_mm_s[recording.usable()]
     out, back = (f"{(way * speed_mm_s).max(initial=0.0):.3g} mm/s" for way in (1.0, -1.0))
+    travel = f"{travel_mm.min():.4g} to {travel_mm.max():.4g} mm of a stroke of {1e3 * cylinder.stroke_m:g} mm"
     return (
-        f"no position is passed both ways faster than {1e3 * slowest_m_s:g} mm/s (away from the end stops, at most "
-        f"{out} extending and {back} retracting; position_m goes from {travel_mm.min():.4g} to {travel_mm.max():.4g} "
-        f"mm of a stroke of {1e3 * stroke_m:g} mm); check unit, sign and offset of position_m, or record strokes both "
-        "ways over the same travel"
+        f"no position is passed both ways faster than {1e3 * plan.slowest_m_s:g} mm/s (away from the end stops, at "
+        f"most {out} extending and {back} retracting; position_m goes from {travel}); check unit, sign and offset of "
+        "position_m, or record strokes both ways over the same travel"
     )
 
 

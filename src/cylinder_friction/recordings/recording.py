@@ -41,15 +41,7 @@ def expect(valid: object, name: str, expected: str, found: object) -> None:
 
 
 def missing_columns(columns: Collection[str]) -> list[str]:
-    """List the required columns that are missing; a drive force replaces both pressures.
-
-    Example:
-        >>> from cylinder_friction.recordings.recording import missing_columns
-        >>> missing_columns(["time_s", "pressure_1_pa", "position_m"])
-        ['pressure_2_pa']
-        >>> missing_columns(["time_s", "drive_force_n", "position_m"])
-        []
-    """
+    """List the required columns that are missing; a drive force replaces both pressures."""
     required = (TIME, POSITION) if DRIVE_FORCE in columns else REQUIRED_COLUMNS
     return [column for column in required if column not in columns]
 

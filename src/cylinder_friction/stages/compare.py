@@ -20,11 +20,11 @@ from cylinder_friction.evaluation.metric_tree import MetricTree, metric_rows, me
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
+from cylinder_friction.evaluation.truth import known_truth
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.comparison_tables import markdown_tables
 from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.plot_data import plot_tables

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from tqdm import tqdm
 
+from cylinder_friction.evaluation.truth import read_truth
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.labelling.audit import Audit, AuditRow
@@ -19,7 +20,6 @@ from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
-from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages._stage import (

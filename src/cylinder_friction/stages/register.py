@@ -11,11 +11,11 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.evaluation.comparison import compare
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
+from cylinder_friction.evaluation.truth import known_truth
 from cylinder_friction.files.whole_files import read_json, read_yaml, write_json
 from cylinder_friction.params.composing import as_run_params
 from cylinder_friction.params.file import PARAMS_FILE
 from cylinder_friction.recordings.storage import iterate_recordings, read_stored
-from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (

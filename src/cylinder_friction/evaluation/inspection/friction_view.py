@@ -113,10 +113,9 @@ def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter
     points = tuple(rows.point_with_interval(CONFIDENCE) for rows in steady_sliding_by_speed([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
     # The rows that ``estimate`` takes, so that a log has the same friction here
-    motion, least_m_s = (position_m, signals.velocity_m_s), OffsetPlan().slowest_m_s
-    load_n, half_difference_n = up_and_down(*motion, friction_n, usable, least_m_s)
-    known = math.isfinite(half_difference_n)
-    if curve is not None and holds_load(load_n, half_difference_n):
+    plan = OffsetPlan()
+    load_n, half_n = up_and_down(position_m, signals.velocity_m_s, friction_n, usable, plan.slowest_m_s)
+    if curve is not None and holds_load(load_n, half_n):
         curve, no_curve = None, f"{load_n:.0f} N of the force do not turn with the direction, as friction would"
     return FrictionView(
         signals=signals,
@@ -129,8 +128,8 @@ def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter
         points=points,
         curve=curve,
         load_n=load_n,
-        half_difference_n=half_difference_n,
-        unknown="" if known else unknown_friction(*motion, usable, least_m_s, labeller.cylinder.stroke_m),
+        half_difference_n=half_n,
+        unknown="" if math.isfinite(half_n) else unknown_friction(labelled, plan, labeller.cylinder),
         no_curve=no_curve,
         assumed=_assumed(labelled, labeller, load),
         load=load,

@@ -262,12 +262,8 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     line = line.rstrip("\r\n")
     if delimiter == "whitespace":
         return [token.strip('"') for token in _TOKEN.findall(line)]
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)]
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
-    except csv.Error:
-        return [cell.strip() for cell in line.split(delimiter)]
+    quoted = csv.reader([line], delimiter=delimiter, skipinitialspace=True) if '"' in line else ()
+    return [cell.strip() for cell in next(iter(quoted), line.split(delimiter))]
 
 
 @dataclass(frozen=True)

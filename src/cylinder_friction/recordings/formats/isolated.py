@@ -32,9 +32,8 @@ _READERS: dict[int, tuple[ProcessPoolExecutor, BaseProcess]] = {}
 def _reader() -> ProcessPoolExecutor:
     """Start the process for the first file, and restart it if it has died."""
     pool, process = _READERS.get(os.getpid(), (None, None))
-    if (
-        pool is None or process is None or wait([process.sentinel], 0)
-    ):  # is_alive may not notice that another thread reaped it
+    # is_alive may not notice that another thread reaped it
+    if pool is None or process is None or wait([process.sentinel], 0):
         main = sys.modules["__main__"].__dict__
         hidden: dict[str, Any] = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
         main["__spec__"] = None

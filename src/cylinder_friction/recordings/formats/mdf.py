@@ -90,12 +90,11 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
         units |= {name: unit} if (unit := str(signal.unit or "").strip()) else {}
     about = group.channel_group
     shortest = min((len(column) for _, column in columns), default=about.cycles_nr)
-    notes = (f"the file is cut off: {shortest} of {about.cycles_nr} samples are there",)
+    missing = shortest < about.cycles_nr
+    notes = (f"the file is cut off: {shortest} of {about.cycles_nr} samples are there",) if missing else ()
     title = str(getattr(about, "acq_name", "") or getattr(about, "comment", "") or "").strip() or f"group {index + 1}"
-    cut = notes if shortest < about.cycles_nr else ()
-    return LoggedTable(
-        named_columns(columns), units, title, tuple(unread), cut, "" if master is None else names[master]
-    )
+    clock = "" if master is None else names[master]
+    return LoggedTable(named_columns(columns), units, title, tuple(unread), notes, clock)
 
 
 def _values(signal: Any) -> NDArray[Any]:

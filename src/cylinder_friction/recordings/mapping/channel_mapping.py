@@ -187,16 +187,12 @@ def check_unit(column: str, unit: str) -> tuple[float, float]:
     raise RecordingError(f"column {column!r}: unit {unit!r} {problem}; expected {known_units(wanted)}")
 
 
-def usual_units(quantity: str) -> list[str]:
-    """List the units of a quantity in their usual spelling."""
-    return [name for names in _SPELLINGS[quantity].values() for name in names.partition("|")[0].split()]
-
-
 def known_units(quantity: str) -> str:
-    """List in words the units of a quantity that a mapping may state."""
+    """List in words the units of a quantity that a mapping may state, in their usual spelling."""
+    usual = [name for names in _SPELLINGS[quantity].values() for name in names.partition("|")[0].split()]
     absolute = "; or bara, psia, ... if absolute" if quantity == "pressure" else ""
     signals = "" if quantity == "time" else f"; or {', '.join(_SIGNALS)} with the sensor"
-    return f"one of {', '.join(usual_units(quantity))}{absolute}{signals}"
+    return f"one of {', '.join(usual)}{absolute}{signals}"
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:

@@ -14,14 +14,12 @@ ON_THE_LINE = 1e-3
 
 
 def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
-    """Interpolate between samples at increasing positions without overshoot, shape ``(m,)``.
+    """Interpolate between two or more samples at increasing positions without overshoot, shape ``(m,)``.
 
     Beyond the first or last sample, that sample is returned.
 
     Source: Fritsch and Carlson 1980, Monotone piecewise cubic interpolation; slopes after Fritsch and Butland 1984.
     """
-    if len(at) == 1:
-        return np.full(len(wanted), values[0])
     inside = np.clip(wanted, at[0], at[-1])
     # Scale positions to steps of one from the first sample, because divided differences of small steps lose digits.
     step = (at[-1] - at[0]) / (len(at) - 1)

@@ -98,13 +98,11 @@ def printed_resolution(time_s: Array) -> float:
 
 
 def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s: float) -> bool:
-    """Check whether stamps, shape ``(n,)``, follow sample numbers on lines of 1024 samples, as in ``even_rate``.
+    """Check whether two or more stamps follow sample numbers on lines of 1024 samples, as in ``even_rate``.
 
     ``step_s`` is the mean time between two numbers. A number that is missing in ``index`` is a lost sample.
     """
     rows = len(time_s)
-    if rows < 2:
-        return True
     # A short remainder joins the last block, so that every block is long enough to determine its rate.
     start = BLOCK * np.arange(max(1, (rows - 1) // BLOCK))
     end = np.append(start[1:], rows - 1)

@@ -4,8 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cylinder_friction.evaluation.truth import read_truth
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.truth import read_truth
 
 
 def test_truth_is_read_for_the_rows_of_the_recording(tmp_path: Path, labelled_recordings: list[Recording]) -> None:
