@@ -24,8 +24,10 @@ from zero_sweep import RIG, Kind, raw_recordings
 from cylinder_friction.arrays import Array
 from cylinder_friction.commands.cli import main as command
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.identified_model import STEADY_VARIATION
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.friction_models.identification.steady_points import PRESLIDING_TRAVEL_M
 from cylinder_friction.labelling.label import label
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S, SPECIMENS, RigRecording, campaign
@@ -34,6 +36,7 @@ from cylinder_friction.rig.friction import REFERENCE_C
 from cylinder_friction.rig.parameters import FrictionParameters, RigParameters, default_rig
 from cylinder_friction.rig.sensors import write_logger_csv
 from cylinder_friction.rig.variation import draw_wide_rig
+from cylinder_friction.signals.motion import steady_rows, travel_since_stop
 
 MAPPING = Path(__file__).parents[1] / "conf/ingest/rig.yaml"
 TOPICS = re.compile(r"bound|\bload|zero|sensor|asymmetr|port|±", re.IGNORECASE)
@@ -41,6 +44,8 @@ SLIDING_M_S = 0.02
 """Faster, friction is Coulomb and viscous friction alone [m/s]."""
 SLOWEST_M_S = 0.004
 """What `inspect` counts as sliding, with this rig's position sensor: the fastest of 3 to 4 mm/s [m/s]."""
+ALIKE, FEWEST = 0.12, 5
+"""Logarithm of the ratio within which velocities are alike, and fewest recordings that show friction at one."""
 WEIGHT_N = 4218.0
 LOAD = r"the load is (-?[\d.]+)(?: to (-?[\d.]+))? N ± (\d+) N"
 
@@ -143,6 +148,18 @@ class Simulated:
             off.append(float(np.median(read_n[still] if self.world.line_bar else read_n)))
         return float(np.mean(off)) if off else math.nan
 
+    def friction_at(self, name: str, velocity_m_s: float) -> float:
+        """Return the median of true friction while sliding at about this velocity [N]; NaN if few recordings do."""
+        found = list[Array]()
+        for each in self.own(name):
+            own_m_s = each.truth["velocity_m_s"].to_numpy()
+            step_s = each.metadata.sample_time_s
+            rows = steady_rows(own_m_s, step_s, 1e-3, STEADY_VARIATION)
+            rows &= travel_since_stop(own_m_s, 1e-3, step_s) > PRESLIDING_TRAVEL_M
+            rows &= np.abs(np.log(np.maximum(own_m_s / velocity_m_s, 1e-9))) < ALIKE
+            found += [each.truth["friction_n"].to_numpy()[rows]] * bool(rows.any())
+        return float(np.median(np.concatenate(found))) if len(found) >= FEWEST else math.nan
+
     def uneven(self, name: str) -> float:
         """Return half the difference of dry friction retracting and extending over its mean."""
         ways = self.sliding(name).groupby("direction")["dry_n"].mean()
@@ -173,14 +190,14 @@ class Simulated:
     def parameter(self, name: str, condition: str = "condition1") -> tuple[float, float] | None:
         """Return least and greatest true value of a parameter in the sessions of a condition; None if there is none."""
         sessions = sorted({each.metadata.session for each in self.own(condition)})
-        slid = [self.sliding(each) for each in sessions]
+        slid = [table for table in map(self.sliding, sessions) if table["direction"].nunique() > 1]
         ways = [each.groupby("direction")["dry_n"].mean() for each in slid]
         values = {
             "viscous_n_s_m": [float(each["viscous"].mean()) for each in slid],
             "retract_ratio": [float(each[-1.0] / each[1.0]) for each in ways],
             "coulomb_n": [float(each[1.0]) for each in ways],
         }
-        return (min(values[name]), max(values[name])) if name in values else None
+        return (min(values[name]), max(values[name])) if values.get(name) else None
 
 
 Truth = Callable[[re.Match[str], Simulated, str], bool]
@@ -328,12 +345,12 @@ def sentences(seed: int, quick: bool) -> Iterator[tuple[str, str, bool | float]]
         print(f"simulated and read: {name}, seed {seed}", flush=True)
 
 
-def simulated(world: World, seed: int, quick: bool) -> Simulated:
+def simulated(world: World, seed: int, quick: bool, sessions: int = 3) -> Simulated:
     mass_kg = RIG.moving_mass_kg + world.weight_n / 9.81
     cylinder = replace(RIG, moving_mass_kg=mass_kg)
     plan = CampaignPlan(
         seed=seed,
-        sessions_per_condition=3,
+        sessions_per_condition=sessions,
         recordings_per_session=1,
         duration_s=15.0 if quick else 25.0,
         residual_offset_bar=world.zero_bar,

@@ -18,6 +18,7 @@ The kinds of the servo rig need the package in ``benchmark``.
 
 import argparse
 import importlib
+import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -183,9 +184,9 @@ def points_held(labelled: list[Recording], truths_n: list[Array], known: dict[st
                 less_n = found.offset_n if found.source == STROKES else 0.0
                 own.append(each.with_columns(friction_n=each.column("friction_n") - less_n))
                 true.append(each.with_columns(friction_n=truth_n))
-        points = stribeck_points(own, PLAN.slowest_m_s, 0.95, mean_uncertainty_n(offsets))
+        points, zeros_n = stribeck_points(own, PLAN.slowest_m_s, 0.95), mean_uncertainty_n(offsets)
         within = [
-            abs(mine.friction_n - theirs.friction_n) <= mine.half_width_n
+            abs(mine.friction_n - theirs.friction_n) <= math.hypot(mine.half_width_n, zeros_n)
             for mine, theirs in zip(points, stribeck_points(true, PLAN.slowest_m_s, 0.95), strict=True)
             if mine.known_half_width_n is not None
         ]

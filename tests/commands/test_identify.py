@@ -24,13 +24,18 @@ def arguments(tmp_path: Path, cylinder: Cylinder, speeds_m_s: list[float]) -> li
 
 
 def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:
-    given = arguments(tmp_path, cylinder, [*np.geomspace(0.02, 0.2, 9)] * 2)
+    given = arguments(tmp_path, cylinder, [*np.geomspace(8e-3, 0.06, 9)] * 2)
     assert main([*given, "--generations", "1"]) == 0
     printed = capsys.readouterr().out
     assert "LuGre: 1 recording, error " in printed
     assert "viscous_n_s_m" in printed
+    assert re.search(r"condition 1: \d+ points .* friction does not rise towards standstill; record slower", printed)
+    assert printed.count("towards standstill") == 1
     for name in ("static_n", "stribeck_velocity_m_s", "stribeck_exponent"):
-        assert re.search(rf"{name} +not determined: at the slowest steady sliding, .*; record slower strokes", printed)
+        assert f"{name:<22} not determined: no steady sliding is slow enough to show it\n" in printed
+    for name in ("coulomb_n", "retract_ratio"):
+        assert f"{name:<22} not determined: the sensors' zeros are not stated, and one session does not" in printed
+    assert "zeros    state the sensors' zeros (--sensor-class, or " in printed
     assert "LuGre, pressure-scaled: not identified: the sum of both pressures" in printed
     assert f"page     {tmp_path}/out/friction_models.html" in printed
     assert 'parameter Real static_n(unit = "N") "Fs' in (tmp_path / "out/lugre.mo").read_text(encoding="utf-8")

@@ -12,10 +12,12 @@ from cylinder_friction.estimation.identification import FrictionModels, identify
 from cylinder_friction.estimation.identified_model import IdentifiedModel
 from cylinder_friction.recordings.recording import RecordingError
 from friction_samples import lugre_to_find
-from logger_files import CHANNELS, write_lugre_log
+from logger_files import CHANNELS, SENSOR, write_lugre_log
 
 TRUTH = lugre_to_find(6.0, 4e-5)
 SPEEDS_M_S = [*np.geomspace(1e-3, 0.1, 9), *np.geomspace(1.5e-3, 0.06, 6)]
+ZEROED = SENSOR | {"zero_uncertainty": 0.001}
+STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": ZEROED} for name in ("pressure_1_pa", "pressure_2_pa")}
 SLOW = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")
 
 
@@ -32,7 +34,7 @@ def result(folder: Path, cylinder: Cylinder) -> FrictionModels:
         pressures = (pressure_pa, 4e5)
         write_lugre_log(logs / f"r{number}.csv", TRUTH, cylinder, SPEEDS_M_S, pressure_2_pa=pressures, seed=number)
     (logs / "broken.csv").write_text("t,p1\n0,1\n", encoding="utf-8")
-    return identify_logs(logs, cylinder, folder, channels=CHANNELS, generations=1)
+    return identify_logs(logs, cylinder, folder, channels=STATED, generations=1)
 
 
 def model_of(result: FrictionModels, name: str) -> IdentifiedModel:
@@ -63,7 +65,7 @@ def test_file_and_page_hold_every_point_and_what_was_refused(result: FrictionMod
     assert len(points) == len(result.curves[0].points) > 12
     assert all((point["half_width_n"] is None) == (point["strokes"] == 1) for point in points)
     assert content["recordings"] == ["r1", "r2"]
-    assert content["simpler"] == ""
+    assert content["simpler"] == content["zeros"] == ""
     assert [each["file"] for each in content["refused"]] == ["broken.csv"]
     assert content["models"]["pressure_lugre"]["parameters"]["coulomb_n"]["unit"] == "N"
     damping = content["models"]["pressure_lugre"]["parameters"]["bristle_damping_n_s_m"]

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.identified_model import IdentifiedCurve, StribeckPoint, stribeck_points
-from cylinder_friction.friction_models.identification.steady_points import known_curve
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.identified_model import (
+    IdentifiedCurve,
+    StribeckPoint,
+    Zeros,
+    stribeck_points,
+)
+from cylinder_friction.estimation.steady_intervals import scatter_of_sessions
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 STROKE_ROWS, FRICTION_N = 200, 300.0
+CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 
 
 def strokes(speeds_m_s: list[float], offsets_n: np.ndarray, curve: StribeckCurve | None = None) -> Recording:
@@ -54,8 +63,26 @@ def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:
     curve = StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
     speeds = np.geomspace(1e-3, 0.2, 12).tolist()
     for chosen, known in ((speeds, True), (speeds[5:], False)):
-        points = stribeck_points([strokes(chosen, np.zeros(2 * len(chosen)), curve)], 5e-4, 0.95)
-        found = IdentifiedCurve("1", ("r",), points, *known_curve(points)).to_dict()
+        recording = strokes(chosen, np.zeros(2 * len(chosen)), curve)
+        points = stribeck_points([recording], 5e-4, 0.95)
+        found = IdentifiedCurve.through([recording], points, Zeros(0.0), None).to_dict()
         assert found["curve"]["coulomb_n"] == pytest.approx(240.0, rel=0.1)
         assert (found["curve"]["static_n"] is not None) == known
         assert ("record" in found["why_not"]) != known
+
+
+def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_has() -> None:
+    speeds, curve = np.geomspace(7e-3, 0.1, 9).tolist(), StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
+    sessions = []
+    for number, zero_n in enumerate((-12.0, 0.0, 12.0)):
+        own = strokes(speeds, np.full(18, zero_n), curve)
+        sessions.append(replace(own, metadata=replace(own.metadata, session=f"s{number}")))
+    one = IdentifiedCurve.through(
+        sessions[:1], stribeck_points(sessions[:1], 5e-4, 0.95), Zeros(np.inf, "zeros are not stated"), None
+    )
+    assert one.curve is None
+    assert one.to_dict()["why_not"].startswith("zeros are not stated; at the slowest steady sliding")
+    assert all(each.known_half_width_n is None for each in one.points)
+    assert scatter_of_sessions(sessions[:1], CYLINDER, 0.95) == np.inf
+    # Standard deviation 12 N, over the root of 3 sessions; Student's t with 2 degrees of freedom
+    assert scatter_of_sessions(sessions, CYLINDER, 0.95) == pytest.approx(4.303 * 12.0 / 3.0**0.5, rel=0.02)

@@ -1,18 +1,13 @@
-"""Off-line velocities follow strokes and rest; intervals of parameters hold what zeros may shift."""
+"""Off-line velocities follow strokes and rest."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.velocity_choices import shifted_intervals, velocities_on_offer
-from cylinder_friction.friction_models.identification.procedure import Identification
-from cylinder_friction.friction_models.stribeck import StribeckCurve
+from cylinder_friction.estimation.velocity_choices import velocities_on_offer
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from friction_samples import PLAIN_LUGRE
 
 SAMPLE_TIME_S, NOISE_M = 0.005, 3e-5
 
@@ -33,16 +28,3 @@ def test_every_candidate_is_zero_at_standstill_and_follows_a_stroke() -> None:
         found = velocity(measured)
         assert np.mean(found[100:900] == 0.0) > 0.98, words
         assert found[1100:1300].mean() == pytest.approx(0.05, rel=0.01), words
-
-
-def test_zeros_shift_dry_friction_and_its_ratio() -> None:
-    curve = StribeckCurve(200.0, 260.0, 0.01, 1.0, 900.0)
-    parameters = replace(PLAIN_LUGRE, coulomb_n=200.0, viscous_n_s_m=900.0, retract_ratio=1.2)
-    intervals = {"coulomb_n": (197.0, 204.0), "viscous_n_s_m": (850.0, 950.0), "retract_ratio": (1.2, 1.2)}
-    found = Identification(parameters, "a", intervals, (), curve, 5.0, 250.0, ())
-    assert shifted_intervals(found, intervals, 0.0) == intervals
-    wide = shifted_intervals(found, intervals, 40.0)
-    assert wide["coulomb_n"] == pytest.approx((200.0 - np.hypot(3.0, 40.0), 200.0 + np.hypot(4.0, 40.0)))
-    assert wide["viscous_n_s_m"] == intervals["viscous_n_s_m"]
-    assert wide["retract_ratio"] == pytest.approx((1.2 - 0.3872, 1.2 + 0.3872))
-    assert shifted_intervals(found, intervals, 900.0)["coulomb_n"][0] > 0.0

@@ -8,6 +8,7 @@ from functools import partial
 from cylinder_friction.commands.log_options import print_result, run_on_logs
 from cylinder_friction.estimation.identification import PAGE_FILE, FrictionModels, identify_logs
 from cylinder_friction.estimation.identified_model import IdentifiedParameter
+from cylinder_friction.wording import with_unit
 
 EXPECTED = (ValueError, OSError)
 
@@ -16,6 +17,7 @@ def run(options: argparse.Namespace) -> int:
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
     beside = [f"simpler  {result.simpler}"] if result.simpler else []
     beside += [f"loss     {result.loss}"] if result.loss else []
+    beside += [f"zeros    {result.zeros}"] if result.zeros else []
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     return 1 if result.refused or all(model.found is None for model in result.models) else 0
 
@@ -23,7 +25,11 @@ def run(options: argparse.Namespace) -> int:
 def _lines(result: FrictionModels) -> list[str]:
     lines = []
     for curve in result.curves:
-        words = "curve fitted" if curve.curve is not None else f"no curve: {curve.why_not}"
+        words = (
+            f"no curve: {curve.reasons}"
+            if curve.curve is None
+            else "; ".join(filter(None, ("curve fitted", curve.slow)))
+        )
         lines.append(f"condition {curve.condition}: {len(curve.points)} points of steady sliding, {words}")
     for model in result.models:
         if model.found is None:
@@ -39,4 +45,4 @@ def _line(each: IdentifiedParameter) -> str:
     if each.value is None:
         return f"  {each.name:<22} not determined: {each.note}"
     limits = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
-    return f"  {each.name:<22} {each.value:<10.4g} {each.unit:<6} {limits or each.note}"
+    return f"  {each.name:<22} {each.value:<10.4g} {with_unit('', each.unit).strip():<6} {limits or each.note}"

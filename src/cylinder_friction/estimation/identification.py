@@ -4,6 +4,7 @@ import math
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,11 @@ from tqdm import tqdm
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
-from cylinder_friction.estimation.identification_page import write_identification_page
+from cylinder_friction.estimation.identification_page import identification_page
 from cylinder_friction.estimation.identified_model import (
-    UNSEPARATED,
-    WIDEST,
     IdentifiedCurve,
     IdentifiedModel,
+    Zeros,
     determined,
     matlab_script,
     modelica_record,
@@ -26,13 +26,12 @@ from cylinder_friction.estimation.identified_model import (
     stribeck_points,
 )
 from cylinder_friction.estimation.results import load_left
-from cylinder_friction.estimation.steady_intervals import steady_intervals
+from cylinder_friction.estimation.steady_intervals import scatter_of_sessions, steady_intervals
 from cylinder_friction.estimation.velocity_choices import (
     FITS_ALIKE,
     LEAST_SHARE,
     NOISE_MULTIPLE,
     odd_window,
-    shifted_intervals,
     slope,
     slope_noise,
     velocities_on_offer,
@@ -43,10 +42,11 @@ from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
-from cylinder_friction.friction_models.identification.steady_points import known_curve, undetermined
+from cylinder_friction.friction_models.identification.steady_points import undetermined
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR
 from cylinder_friction.recordings.conversion import Quarantined, logged_files, none_usable, other_rates
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, find_logs
 from cylinder_friction.recordings.recording import Recording
@@ -64,15 +64,21 @@ MOST_ROWS = 1 << 20
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 """Recordings and length of their pieces [s] in differential evolution; longest piece in the last local searches [s]."""
 INTERVALS_OF_PARAMETERS = (
-    f"{INTERVAL_METHOD}; widened to hold what steady sliding alone gives, and what is identified with every velocity "
-    f"whose error exceeds the least by at most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} "
-    "% either way at least, and by what is stated of the sensors' zeros, or uncertain of an identified load; that of "
-    "viscous friction from steady sliding alone, beside dry friction that changes with speed and pressure, which also "
-    "widens that of plain Coulomb friction"
+    f"{INTERVAL_METHOD}, with the shift that the sensors' zeros or an identified load may cause; widened to hold what "
+    "steady sliding alone gives, and what is identified with every velocity whose error exceeds the least by at most "
+    f"{100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} % either way at least; that of viscous "
+    "friction from steady sliding alone, beside dry friction that changes with speed and pressure, which also widens "
+    "that of plain Coulomb friction; a Stribeck curve's numbers draw the line through its points, and have none"
 )
 INTERVALS_OF_POINTS = (
-    "Student's t over the medians of strokes, with what is stated of the sensors' zeros, or uncertain of an identified "
-    "load; where nothing is stated of zeros, they may shift friction beyond it; a single stroke has none"
+    "Student's t over the medians of strokes, with the shift that the sensors' zeros or an identified load may cause; "
+    "none for a single stroke, or if nothing is known of the zeros"
+)
+LARGE = 0.25
+"""Share of mean |friction| above which the shift by the sensors' zeros is named as the reason for wide intervals."""
+ZEROS = (
+    "state the sensors' zeros (--sensor-class, or sensor.zero_uncertainty in the mapping), or give several sessions of "
+    "each condition (--names), between which the sensors were zeroed"
 )
 
 
@@ -89,6 +95,7 @@ class FrictionModels:
     guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
     loss: str = ""  # As in ``FrictionOfLogs``
     simpler: str = ""  # A sentence if the model with fewer parameters describes all recordings as well; else empty
+    zeros: str = ""  # What to do if zeros, or a load, leave parameters without a number; else empty
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; unknown values are None."""
@@ -104,6 +111,7 @@ class FrictionModels:
             "guessed": self.guessed,
             "loss": self.loss,
             "simpler": self.simpler,
+            "zeros": self.zeros,
         }
 
 
@@ -172,13 +180,14 @@ def identify_logs(
         result = FrictionModels(
             into,
             tuple(recording.name for recording in recordings),
-            search.curves(),
+            search.curves,
             models,
             refused,
             list(run.offsets.values()),
             logs.guessed,
             run.loss_in_words(),
             search.simpler(*models),
+            search.zeros,
         )
         _write(folder, result, search, cylinder)
     return result
@@ -200,18 +209,19 @@ class ModelSearch:
             seed, POPULATION, generations, SIMULATED_RECORDINGS, piece_s=PIECE_S, polished_piece_s=POLISHED_PIECE_S
         )
 
+    @cached_property
     def curves(self) -> tuple[IdentifiedCurve, ...]:
         curves = []
         for condition in sorted({recording.metadata.condition for recording in self.recordings}):
             own = self._of(condition)
-            points = stribeck_points(own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
-            curve = IdentifiedCurve(condition, tuple(each.name for each in own), points, *known_curve(points))
-            if curve.curve is not None:
-                steady = steady_intervals(own, self.run.cylinder, CONFIDENCE)
-                lower, upper = _holding(steady["viscous_n_s_m"], curve.curve.viscous_n_s_m)
-                curve = replace(curve, no_viscous=UNSEPARATED if upper > WIDEST * lower else "")
-            curves.append(curve if self.run.loss is None else curve.with_loss(self.run.loss))
+            points, zeros = stribeck_points(own, self.slowest_m_s, CONFIDENCE), self._zeros(own)
+            curves.append(IdentifiedCurve.through(own, points, zeros, self.run.loss))
         return tuple(curves)
+
+    @property
+    def zeros(self) -> str:
+        """State what to do if zeros leave parameters of a condition without a number; else empty."""
+        return ZEROS if any(self._zeros(self._of(each.condition)).why_not for each in self.curves) else ""
 
     def plain(self) -> IdentifiedModel:
         return self._identified(LuGre(), self._of(condition_of_smallest_friction(self.recordings)))
@@ -248,50 +258,69 @@ class ModelSearch:
         values, state = identified.found.parameters.packed(), model.new_state()
         return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
 
-    def _zeros_n(self, recordings: Sequence[Recording]) -> float:
-        """Return how far load and zeros may shift friction (k = 2) [N]; an identified load includes the zeros."""
-        load_n, sessions = self.run.load_uncertainty_n, {each.metadata.session for each in recordings}
-        if self.run.friction.labeller.load == "position":
-            return load_n
-        known = [self.run.offsets[name] for name in sorted(sessions & self.run.offsets.keys())]
-        return math.hypot(load_n, mean_uncertainty_n(known))
+    def _zeros(self, recordings: Sequence[Recording]) -> Zeros:
+        """Return how far the sensors' zeros, or a load identified with them, may shift friction of these recordings.
+
+        Zeros that nobody stated show in the scatter between sessions. Files whose sessions nobody named may be of one.
+        """
+        run = self.run
+        known = [run.offsets[name] for name in sorted({each.metadata.session for each in recordings} & {*run.offsets})]
+        halves_n, named = [each.uncertainty_n for each in known], run.logs.recipe.names.pattern is not None
+        if run.friction.labeller.load == "position":  # Which has absorbed the zeros
+            half_n = 0.0
+        elif np.isfinite(halves_n).all():
+            half_n = mean_uncertainty_n(known) if named else max(halves_n, default=0.0)
+        else:
+            half_n = scatter_of_sessions(recordings, run.cylinder, CONFIDENCE) if named else math.inf
+        half_n = math.hypot(half_n, run.load_uncertainty_n)
+        if half_n <= LARGE * _level_n(recordings):
+            return Zeros(half_n)
+        unknown = "the sensors' zeros are not stated, and one session does not show them"
+        return Zeros(half_n, unknown if math.isinf(half_n) else f"zeros or load may shift friction by ± {half_n:.0f} N")
 
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]
 
     def _identified(self, model: LuGre, recordings: Sequence[Recording]) -> IdentifiedModel:
-        points = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE)
+        points, zeros = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE), self._zeros(recordings)
         if problem := undetermined(points) if points else "":
             return _unidentified(model, recordings, problem)
         pressure = _pressure if model.pressure_scaled else None
         given: dict[str, Any] = {"mass_kg": self.run.cylinder.moving_mass_kg, "damping_ratio": DAMPING_RATIO}
+        shift_n = min(zeros.half_n, _level_n(recordings))  # Unknown zeros may shift friction by as much as there is
+        limits: dict[str, Any] = {"dead_band_m_s": self.slowest_m_s, "confidence": CONFIDENCE}
+        limits["offset_n"] = shift_n / COVERAGE_FACTOR
         try:
-            limits: dict[str, Any] = {"dead_band_m_s": self.slowest_m_s, "confidence": CONFIDENCE}
             found = identify(model, recordings, self.velocities, pressure, self.effort, **given, **limits)
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
         intervals = widened_intervals(found, model, recordings, self.velocities, pressure, **given)
-        steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE)
-        intervals["viscous_n_s_m"] = _holding(steady["viscous_n_s_m"], found.parameters.value("viscous_n_s_m"))
-        lower, upper = steady["coulomb_n"]
-        if pressure is None and np.isfinite(upper):  # With pressure, Coulomb friction is that at zero gauge pressure
-            own = intervals["coulomb_n"]
-            intervals["coulomb_n"] = max(min(own[0], lower), 1e-9), max(own[1], upper)
-        found = replace(found, intervals=shifted_intervals(found, intervals, self._zeros_n(recordings)))
+        steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE, shift_n)
+        around = [share * found.parameters.value("viscous_n_s_m") for share in (1.0 - LEAST_SHARE, 1.0 + LEAST_SHARE)]
+        intervals["viscous_n_s_m"] = _holding(steady["viscous_n_s_m"], *around)
+        if pressure is None and np.isfinite(steady["coulomb_n"][1]):  # With pressure, it is that at zero gauge pressure
+            intervals["coulomb_n"] = _holding(steady["coulomb_n"], *intervals["coulomb_n"])
+        found = replace(found, intervals=intervals)
+        conditions = {each.metadata.condition for each in recordings}
+        slow = any(not each.slow for each in self.curves if each.condition in conditions)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
-        parameters = determined(model, found, points, DAMPING_RATIO, loss)
+        parameters = determined(model, found, DAMPING_RATIO, zeros, slow=slow, loss=loss)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
+
+
+def _level_n(recordings: Sequence[Recording]) -> float:
+    """Compute the mean absolute label of recordings [N]."""
+    return float(np.mean(np.abs(np.concatenate([each.column("friction_n")[each.usable()] for each in recordings]))))
 
 
 def _pressure(recording: Recording) -> Array:
     return recording.column("pressure_1_pa") + recording.column("pressure_2_pa")
 
 
-def _holding(interval: tuple[float, float], value: float) -> tuple[float, float]:
-    """Widen an interval of a positive parameter to hold a fit's value."""
-    lower, upper = interval
-    return max(min(lower, (1.0 - LEAST_SHARE) * value), 1e-9), max(upper, (1.0 + LEAST_SHARE) * value)
+def _holding(interval: tuple[float, float], lower: float, upper: float) -> tuple[float, float]:
+    """Widen an interval of a positive parameter to contain another one."""
+    return max(min(interval[0], lower), 1e-9), max(interval[1], upper)
 
 
 def _unidentified(model: LuGre, recordings: Sequence[Recording], problem: str) -> IdentifiedModel:
@@ -307,6 +336,15 @@ def _write(folder: Path, result: FrictionModels, search: ModelSearch, cylinder: 
         (recording, {model.title: search.simulated(model, recording) for model in known})
         for recording in search.recordings
     ]
-    given: dict[str, Any] = {"offsets": result.offsets, "refused": result.refused, "guessed": result.guessed}
-    write_identification_page(folder / PAGE_FILE, result.curves, result.models, simulated, CONFIDENCE, **given)
+    page = identification_page(
+        result.curves,
+        result.models,
+        simulated,
+        CONFIDENCE,
+        offsets=result.offsets,
+        refused=result.refused,
+        guessed=result.guessed,
+        remarks=[each for each in (result.simpler, result.loss, result.zeros) if each],
+    )
+    write_text(folder / PAGE_FILE, page)
     write_json(folder / MODELS_FILE, result.to_dict())

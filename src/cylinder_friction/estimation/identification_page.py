@@ -1,15 +1,12 @@
 """Write the page of an identification: Stribeck curve, parameters with intervals, models compared with the label."""
 
-import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimation.identified_model import IdentifiedCurve, IdentifiedModel, IdentifiedParameter
-from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.conversion import Quarantined
 from cylinder_friction.recordings.recording import Recording
@@ -26,7 +23,7 @@ from cylinder_friction.reporting.page import (
     speed_ticks,
 )
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES
-from cylinder_friction.wording import four_digits
+from cylinder_friction.wording import four_digits, with_unit
 
 MM_PER_M = 1e3
 CURVE_POINTS = 200
@@ -37,8 +34,7 @@ NOT_DETERMINED = "not determined"
 TIP = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
 
 
-def write_identification_page(
-    path: Path,
+def identification_page(
     curves: Sequence[IdentifiedCurve],
     models: Sequence[IdentifiedModel],
     simulated: Sequence[tuple[Recording, Mapping[str, Array]]],
@@ -47,21 +43,21 @@ def write_identification_page(
     offsets: Sequence[KnownOffset],
     refused: Sequence[Quarantined],
     guessed: Mapping[str, Any] | None,
-) -> None:
-    """Write the page; equal input gives equal bytes.
+    remarks: Sequence[str],
+) -> str:
+    """Make the page; equal input gives equal text.
 
     ``simulated`` holds every labelled recording with the friction of each identified model by title [N].
     """
     drawn = simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
-    html = page_html(
+    return page_html(
         "templates/identification.html.j2",
         title="Friction models",
         percent=f"{100.0 * confidence:g}",
         stribeck=_stribeck_figure(curves),
         conditions=[
-            (_named(each, curves), each.why_not, each.curve and _parameter_table(each.parameters), _point_table(each))
-            for each in curves
+            (_named(each, curves), each.curve is not None, each.reasons, _point_table(each)) for each in curves
         ],
         models=[(model, None if model.found is None else _parameter_table(model.parameters)) for model in models],
         errors=_error_table(simulated, titles) if titles else None,
@@ -69,9 +65,9 @@ def write_identification_page(
         left_out=len(simulated) - len(drawn),
         offsets=offset_table(offsets) if offsets else None,
         refused=refused,
+        remarks=remarks,
         guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
-    write_text(path, html)
 
 
 def _named(curve: IdentifiedCurve, curves: Sequence[IdentifiedCurve]) -> str:
@@ -125,7 +121,7 @@ def _point_table(each: IdentifiedCurve) -> Table:
         (
             f"{MM_PER_M * point.velocity_m_s:.3g}",
             four_digits(point.friction_n),
-            "–" if math.isnan(point.half_width_n) else four_digits(point.half_width_n),
+            "–" if point.known_half_width_n is None else four_digits(point.half_width_n),
             f"{four_digits(point.lower_quartile_n)} to {four_digits(point.upper_quartile_n)}",
             str(point.strokes),
             str(point.rows),
@@ -141,7 +137,7 @@ def _parameter_table(parameters: Sequence[IdentifiedParameter]) -> Table:
         value = Cell("–", style="none") if each.value is None else four_digits(each.value)
         interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
         remark = Cell(f"{NOT_DETERMINED}: {each.note}" if each.value is None else each.note, style="words")
-        rows.append([Cell(each.meaning, small=each.symbol), value, interval, each.unit, remark])
+        rows.append([Cell(each.meaning, small=each.symbol), value, interval, with_unit("", each.unit).strip(), remark])
     return Table(("parameter", "value", "interval", "unit", "remark"), rows, words=(3, 4), style="stacked")
 
 

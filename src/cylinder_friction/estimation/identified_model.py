@@ -18,15 +18,16 @@ from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
     StribeckPoint,
     is_breakaway_known,
+    known_curve,
     steady_sliding_by_speed,
 )
-from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
-from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, ParameterSpec
+from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.friction_models.parameters import ParameterSpec
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows
-from cylinder_friction.wording import four_digits
+from cylinder_friction.wording import four_digits, with_unit
 
 SLOW_PARAMETERS = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")
 """Parameters that only slow sliding determines."""
@@ -34,7 +35,6 @@ LEAST_RISE = 0.05
 """Friction rises towards standstill if the slowest sliding exceeds Coulomb friction by this share of it."""
 STEADY_VARIATION = 0.4
 """Greatest variation of velocity within ``STEADY_DURATION_S``, over its mean, while sliding counts as steady."""
-_EXPONENT_AT_THE_LIMIT = 0.01  # Distance from a limit of the exponent within which the fit ends at that limit
 SYMBOLS = {
     "coulomb_n": "Fc",
     "static_n": "Fs",
@@ -67,56 +67,90 @@ UNSEPARATED = (
     "strokes do not tell it from dry friction, which changes with speed, pressure and place; record more strokes at "
     "constant speed, slow ones and fast ones, and other loads"
 )
+SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_pa")
+"""Parameters that a shift of all friction changes: it adds while extending and subtracts while retracting."""
+UNSEEN = "no steady sliding is slow enough to show it"
 BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
 """Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 _AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
 """Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""
-_FOLLOWS_FROM = {"bristle_damping_n_s_m": "bristle_stiffness_n_m", "damping_velocity_m_s": "stribeck_velocity_m_s"}
+_FOLLOWS_FROM = {
+    "bristle_damping_n_s_m": (
+        "bristle_stiffness_n_m",
+        "not measured: from the stiffness and a damping ratio of {:g}, which is assumed",
+    ),
+    "damping_velocity_m_s": (
+        "stribeck_velocity_m_s",
+        "not measured: the Stribeck velocity, or less where passivity asks",
+    ),
+}
+"""Parameters that are not searched for: the parameter that they follow from, and how."""
+
+
+@dataclass(frozen=True)
+class IdentifiedParameter:
+    """One parameter of a model."""
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    value: float | None  # Value in ``unit``; None if the motion does not determine it
+    interval: tuple[float, float] | None  # Confidence interval in ``unit``; None without a value or a search for it
+    note: str = ""  # Why there is no value, or where a value comes from that was not searched for
+
+
+@dataclass(frozen=True)
+class Zeros:
+    """How far the sensors' zeros, or a load identified with them, may shift all friction."""
+
+    half_n: float  # Expanded uncertainty (k = 2) of the shift [N]; infinite if nothing is known of it
+    why_not: str = ""  # Why parameters that a large shift moves are not known; empty if it is small
 
 
 @dataclass(frozen=True)
 class IdentifiedCurve:
-    """Points of steady sliding in one condition, and the curve through them."""
+    """Points of steady sliding in one condition, and the line through them."""
 
     condition: str
     recordings: tuple[str, ...]  # Names of the recordings
     points: tuple[StribeckPoint, ...]
-    curve: StribeckCurve | None  # None if the points do not determine a curve
-    why_not: str  # Why there is no curve
-    no_viscous: str = ""  # Why viscous friction is not known; empty if it is
+    curve: StribeckCurve | None  # None if the points do not determine one
+    why_not: str  # Why there is none
+    slow: str  # Why steady sliding does not show how friction rises towards standstill; empty if it does
 
-    def with_loss(self, loss: ApparentLoss) -> Self:
-        """Widen the points by an unstated loss between sensors and cylinder, which also hides viscous friction."""
-        points = [
-            replace(each, half_width_n=each.half_width_n + float(loss.most_n(np.array(each.velocity_m_s))))
-            for each in self.points
-        ]
-        return replace(self, points=tuple(points), no_viscous=loss.unknown_viscous)
+    @classmethod
+    def through(
+        cls, recordings: Sequence[Recording], points: Sequence[StribeckPoint], zeros: Zeros, loss: ApparentLoss | None
+    ) -> Self:
+        """Fit the line through points of one condition, and widen the points by zeros and an unstated loss of a line.
+
+        If zeros or loss are unknown, there is no line: its friction in each direction would be taken as known.
+        """
+        curve, why_not = known_curve(points)
+        slow = why_not if curve is None else no_rise_seen(curve, points)
+        if loss is not None or math.isinf(zeros.half_n):
+            curve, why_not = None, why_not or (zeros.why_not if loss is None else loss.unknown_viscous)
+        own = []
+        for each in points:
+            lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))
+            own.append(replace(each, half_width_n=math.hypot(each.half_width_n, zeros.half_n) + lost_n))
+        names = tuple(each.name for each in recordings)
+        return cls(recordings[0].metadata.condition, names, tuple(own), curve, why_not, slow)
 
     @property
-    def parameters(self) -> tuple[IdentifiedParameter, ...]:
-        """The curve's parameters; one that is not determined has a reason in place of a value."""
-        assert self.curve is not None
-        exponent, why_not = self.curve.stribeck_exponent, no_rise_seen(self.curve, self.points)
-        if min(exponent - STRIBECK_EXPONENT.lower, STRIBECK_EXPONENT.upper - exponent) < _EXPONENT_AT_THE_LIMIT:
-            why_not = f"the fit ends at the limit of its exponent, {exponent:.2g}; record more strokes at low speed"
-        notes = dict.fromkeys(SLOW_PARAMETERS, why_not) | {"viscous_n_s_m": self.no_viscous}
-        parameters = []
-        for spec in (*STRIBECK, RETRACT_RATIO):
-            note = notes.get(spec.name, "")
-            value, words = None if note else getattr(self.curve, spec.name), meaning(spec, pressure_scaled=False)
-            parameters.append(IdentifiedParameter(spec.name, SYMBOLS[spec.name], spec.unit, words, value, None, note))
-        return tuple(parameters)
+    def reasons(self) -> str:
+        """Why there is no curve, and what slow sliding does not show; else empty."""
+        return "; ".join(dict.fromkeys(filter(None, (self.why_not, self.slow))))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values; unknown values are None."""
+        """Return the content as JSON-compatible values; unknown values are None. The curve's numbers draw its line."""
+        curve = None if self.curve is None else asdict(self.curve)
+        if curve is not None and self.slow:
+            curve |= dict.fromkeys(SLOW_PARAMETERS)
         points = [{**asdict(point), "half_width_n": point.known_half_width_n} for point in self.points]
-        curve, why_not = None, self.why_not
-        if self.curve is not None:
-            curve = {each.name: each.value for each in self.parameters}
-            why_not = "; ".join(dict.fromkeys(each.note for each in self.parameters if each.note))
-        return {"recordings": list(self.recordings), "points": points, "curve": curve, "why_not": why_not}
+        return {"recordings": list(self.recordings), "points": points, "curve": curve, "why_not": self.reasons}
 
 
 def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
@@ -131,32 +165,17 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
 
 
 def stribeck_points(
-    recordings: Sequence[Recording], slowest_m_s: float, confidence: float, zeros_n: float = 0.0
+    recordings: Sequence[Recording], slowest_m_s: float, confidence: float
 ) -> tuple[StribeckPoint, ...]:
     """Compute points with intervals, in the order of velocity. Starts and stops of strokes are not used.
 
-    Below ``slowest_m_s`` the piston counts as at rest. The sensors' zeros may shift all points by ``zeros_n``, which is
-    part of each interval.
+    Below ``slowest_m_s`` the piston counts as at rest.
     """
     steady = []
     for each in recordings:
         rows = steady_rows(each.column("velocity_m_s"), each.sample_time_s, slowest_m_s, STEADY_VARIATION)
         steady.append(each.with_columns(usable=each.usable() & rows))
-    points = [rows.point_with_interval(confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s)]
-    return tuple(replace(each, half_width_n=math.hypot(each.half_width_n, zeros_n)) for each in points)
-
-
-@dataclass(frozen=True)
-class IdentifiedParameter:
-    """One parameter of a model."""
-
-    name: str
-    symbol: str
-    unit: str
-    meaning: str
-    value: float | None  # Value in ``unit``; None if the motion does not determine it
-    interval: tuple[float, float] | None  # Confidence interval in ``unit``; None without a value or a search for it
-    note: str = ""  # Why there is no value, or where a value comes from that was not searched for
+    return tuple(rows.point_with_interval(confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s))
 
 
 @dataclass(frozen=True)
@@ -194,41 +213,28 @@ class IdentifiedModel:
 
 
 def determined(
-    model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float, loss: str = ""
+    model: LuGre, found: Identification, damping_ratio: float, zeros: Zeros, *, slow: bool = True, loss: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
     """List every parameter of the model. A parameter that the motion does not determine has no number.
 
-    ``loss`` states why ``BENT_BY_A_LOSS`` are not known; empty without an apparent loss between sensors and cylinder.
+    ``slow`` states whether steady sliding shows how friction rises towards standstill. ``loss`` states why
+    ``BENT_BY_A_LOSS`` are not known; empty without an apparent loss between sensors and cylinder.
     """
-    assert isinstance(found.parameters, LugreParameters)
-    searched = {spec.name for spec in model.searched}
-    why_not: dict[str, str] = {}
-    no_rise = no_rise_seen(found.parameters.curve, points)
-    for spec in model.searched:
-        why_not[spec.name] = (no_rise if spec.name in SLOW_PARAMETERS else "") or _unknown(spec, found)
-    why_not["viscous_n_s_m"] = UNSEPARATED if why_not["viscous_n_s_m"] else ""
+    why_not = {spec.name: _unknown(spec, found, zeros) for spec in model.searched}
+    why_not |= {} if slow else dict.fromkeys(SLOW_PARAMETERS, UNSEEN)
     why_not |= dict.fromkeys(BENT_BY_A_LOSS, loss) if loss else {}
     parameters = []
     for spec in model.specs:
         if spec.relative_to == "pressure" and not model.pressure_scaled:
             continue
-        source = _FOLLOWS_FROM.get(spec.name, spec.name)
-        note = why_not[source]
-        value = None if note else found.parameters.value(spec.name)
-        interval = found.intervals[spec.name] if value is not None and spec.name in searched else None
-        if spec.name not in searched:
-            assumed = f"from the stiffness and a damping ratio of {damping_ratio:g}, which is assumed"
-            if spec.name != "bristle_damping_n_s_m":
-                assumed = "the Stribeck velocity, or less where passivity asks"
-            note = f"follows from {source}, which is not determined" if note else f"not measured: {assumed}"
-        symbol, words = SYMBOLS[spec.name], meaning(spec, model.pressure_scaled)
-        parameters.append(IdentifiedParameter(spec.name, symbol, spec.unit, words, value, interval, note))
+        source, note = _FOLLOWS_FROM.get(spec.name, (spec.name, ""))
+        known: tuple[Any, ...] = found.parameters.value(spec.name), found.intervals.get(spec.name)
+        known += (note.format(damping_ratio),)
+        if why := why_not[source]:
+            known = None, None, f"follows from {source}, which is not determined" if note else why
+        words = spec.meaning if model.pressure_scaled else spec.meaning.replace("at zero gauge", "at the recorded")
+        parameters.append(IdentifiedParameter(spec.name, SYMBOLS[spec.name], spec.unit, words, *known))
     return tuple(parameters)
-
-
-def meaning(spec: ParameterSpec, pressure_scaled: bool) -> str:
-    """Describe a parameter. Without pressure scaling it is valid only at the recorded pressures."""
-    return spec.meaning if pressure_scaled else spec.meaning.replace("at zero gauge", "at the recorded")
 
 
 def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
@@ -245,26 +251,20 @@ def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
     )
 
 
-def _unknown(spec: ParameterSpec, found: Identification) -> str:
-    lower, upper = found.intervals[spec.name]
-    if upper > WIDEST * lower:
-        return f"its interval spans a factor of {min(upper / lower, 1e6):.2g}, more than {WIDEST:g}"
-    if spec.relative_to != "":
+def _unknown(spec: ParameterSpec, found: Identification, zeros: Zeros) -> str:
+    (lower, upper), value = found.intervals[spec.name], found.parameters.value(spec.name)
+    shifted = spec.name in SHIFTED_BY_ZEROS
+    if upper > WIDEST * lower or (shifted and math.isinf(zeros.half_n)):
+        wide = f"its interval spans more than a factor of {WIDEST:g}"
+        return UNSEPARATED if spec.name == "viscous_n_s_m" else (zeros.why_not if shifted else "") or wide
+    if spec.relative_to != "" or spec.may_be_zero:
         return ""
-    at_most, least, greatest = upper >= (1.0 - _AT_THE_LIMIT) * spec.upper, *map(four_digits, (spec.lower, spec.upper))
-    at_limit = at_most or lower <= (1.0 + _AT_THE_LIMIT) * spec.lower
-    if spec.logarithmic and not spec.may_be_zero and at_limit:
-        return (
-            f"its interval ends at a limit of the search, {least} to {greatest} {spec.unit}, so that it may be "
-            f"anything beyond {four_digits(lower)} {spec.unit}"
-            if at_most
-            else f"its interval ends at the lower limit of the search, {least} {spec.unit}"
-        )
-    first, last = math.log(spec.lower), math.log(spec.upper)
-    margin = _AT_THE_EDGE * (last - first)
-    if not first + margin < math.log(found.parameters.value(spec.name)) < last - margin:
-        return f"the search ends at its limit, {least} to {greatest} {spec.unit}"
-    return ""
+    margin = _AT_THE_EDGE * math.log(spec.upper / spec.lower)
+    at_limit = min(math.log(spec.upper / value), math.log(value / spec.lower)) < margin
+    if spec.logarithmic:
+        at_limit |= upper >= (1.0 - _AT_THE_LIMIT) * spec.upper or lower <= (1.0 + _AT_THE_LIMIT) * spec.lower
+    limits = f"{four_digits(spec.lower)} to {with_unit(four_digits(spec.upper), spec.unit)}"
+    return f"its interval ends at a limit of the search, {limits}" if at_limit else ""
 
 
 def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:

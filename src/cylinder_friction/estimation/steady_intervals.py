@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
@@ -21,14 +22,15 @@ _NAMES = ("viscous_n_s_m", "coulomb_n")
 
 
 def steady_intervals(
-    recordings: Sequence[Recording], cylinder: Cylinder, confidence: float
+    recordings: Sequence[Recording], cylinder: Cylinder, confidence: float, zeros_n: float = 0.0
 ) -> dict[str, tuple[float, float]]:
     """Compute confidence intervals of viscous friction [N s/m] and Coulomb friction [N] from labelled recordings.
 
     In the fit, dry friction may fall with speed and change with pressure, in each direction in its own way, and each
     recording has its own level. Pressure is that of the side that the oil leaves, as the other one contains friction.
     Blocks of a stroke count as one. What strokes do not tell apart widens the intervals, which are infinite without
-    enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures.
+    enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures; the
+    sensors' zeros may shift it by ``zeros_n``.
     """
     parts = [sliding_blocks(each, cylinder, prior_n=0.0) for each in recordings]
     blocks = SlidingBlocks.together(parts)
@@ -45,6 +47,7 @@ def steady_intervals(
         design = np.column_stack([*known, np.exp(-speed / stribeck_m_s)])
         fit = robust_fit(design, blocks.label_n * blocks.direction)
         half = clustered_half_widths(design, fit, strokes, confidence)
+        half[1] = np.hypot(half[1], zeros_n)
         fits.append((float(np.abs(fit.residuals).sum()), fit.coefficients - half, fit.coefficients + half))
     least = min(error for error, _, _ in fits)
     alike = [(lower, upper) for error, lower, upper in fits if error <= ALIKE * least]
@@ -52,6 +55,26 @@ def steady_intervals(
         name: (float(min(lower[place] for lower, _ in alike)), float(max(upper[place] for _, upper in alike)))
         for place, name in enumerate(_NAMES)
     }
+
+
+def scatter_of_sessions(recordings: Sequence[Recording], cylinder: Cylinder, confidence: float) -> float:
+    """Compute how far sensors' zeros may shift the sessions' mean friction [N], from sessions of the same condition.
+
+    It is infinite without two sessions of one condition. Zeros are assumed independent between sessions.
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    sessions: dict[tuple[str, str], list[SlidingBlocks]] = {}
+    for each in recordings:
+        own = sessions.setdefault((each.metadata.condition, each.metadata.session), [])
+        own.append(sliding_blocks(each, cylinder, prior_n=0.0))
+    halves = [(condition, SlidingBlocks.together(own).halves_n()[0]) for (condition, _), own in sessions.items()]
+    found = pd.DataFrame(halves, columns=["condition", "half_n"]).dropna()
+    off_n = found["half_n"] - found.groupby("condition")["half_n"].transform("mean")
+    free = len(found) - found["condition"].nunique()
+    if free < 1:
+        return np.inf
+    return float(stdtrit(free, 0.5 + 0.5 * confidence) * np.sqrt((off_n**2).sum() / free / len(found)))
 
 
 def _levels(way: Mask, part: NDArray[np.int64]) -> list[Array]:

@@ -110,21 +110,3 @@ def widened_intervals(
         (lower, upper), other = intervals[name], getattr(found.curve, name) / values[name]
         intervals[name] = min(lower, other * lower), max(upper, other * upper)
     return intervals
-
-
-def shifted_intervals(
-    found: Identification, intervals: Mapping[str, tuple[float, float]], zeros_n: float
-) -> dict[str, tuple[float, float]]:
-    """Widen intervals by the largest shift of friction that the sensors' zeros may cause.
-
-    A shift adds to dry friction while extending, and subtracts from it while retracting.
-    """
-    shifts = {"coulomb_n": zeros_n, "static_n": zeros_n}
-    ratio = found.parameters.value("retract_ratio")
-    shifts["retract_ratio"] = zeros_n * (1.0 + ratio) ** 2 / (2.0 * found.mean_friction_n)
-    widened = dict(intervals)
-    for name in shifts.keys() & intervals.keys():
-        value, (lower, upper) = found.parameters.value(name), intervals[name]
-        low, high = math.hypot(value - lower, shifts[name]), math.hypot(upper - value, shifts[name])
-        widened[name] = max(value - low, 1e-6 * value), value + high
-    return widened

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.robust import (
     RobustFit,
-    bootstrap_coefficients,
     clustered_covariance,
-    quantile_interval,
+    clustered_half_widths,
     robust_fit,
 )
 from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, TravelCovered, coverage_of, others_covered
@@ -39,8 +38,8 @@ OTHER_REACH_M = 0.01
 """Largest distance between another cylinder's position and its position in the strokes at which the load holds [m]."""
 GREATEST_ORDER, GREATEST_OTHER_ORDER = 8, 1
 """Greatest orders of the polynomial in position and in each of the other positions."""
-DRAWS, CONFIDENCE = 200, 0.95
-"""Number of bootstrap samples, and probability of the intervals from them."""
+CONFIDENCE = 0.95
+"""Probability of the intervals."""
 MOST_SCATTER = 0.2
 """Uncertainty of the load, as a share of Coulomb friction, above which the load counts as unknown."""
 LEAST_SPREAD = 0.25
@@ -173,7 +172,7 @@ class _Candidate:
 
     design: Array
     fit: RobustFit
-    drawn: Array  # Coefficients of the bootstrap samples
+    half: Array  # Half the width of each coefficient's confidence interval
     error_n: float  # Sum of absolute residuals [N]
     determined: bool  # Whether strokes determine its friction
 
@@ -197,7 +196,7 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
             "strokes, or measure the load"
         )
     direction = np.sign(points.velocity_m_s)
-    blocks, groups = _blocks(points, direction)
+    blocks = _blocks(points, direction)
     order, other_order = _orders(points, coverage, around, blocks)
     shape = _polynomials(_positions(points), coverage, around, order, other_order)
     of_load, linear = shape.shape[1], points.velocity_m_s[:, None]
@@ -205,15 +204,15 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
     for terms in (linear[:, :0], linear, square, np.hstack([linear, square])):
         design = np.hstack([np.column_stack([shape, direction]), terms])
         fit = robust_fit(design, points.force_n)
-        drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, DRAWS, seed=0)
-        determined = not terms.shape[1] or _determined(design, drawn[:, of_load:])
-        error_n = float(np.abs(fit.residuals).sum())
-        candidates.append(_Candidate(design, fit, drawn, error_n, determined))
+        half = clustered_half_widths(design, fit, blocks, CONFIDENCE)
+        determined = not terms.shape[1] or _determined(design, (fit.coefficients - half)[of_load:])
+        candidates.append(_Candidate(design, fit, half, float(np.abs(fit.residuals).sum()), determined))
     least_n = min(each.error_n for each in candidates if each.determined)
     chosen = next(each for each in candidates if each.determined and each.error_n <= _AS_GOOD * least_n)
-    alike = [each.drawn[:, of_load] for each in candidates if each.determined and each.error_n <= _ALIKE * least_n]
+    alike = [each for each in candidates if each.determined and each.error_n <= _ALIKE * least_n]
     load, coulomb = chosen.fit.coefficients[:of_load], float(chosen.fit.coefficients[of_load])
-    lows, highs = zip(*(quantile_interval(each, CONFIDENCE) for each in alike), strict=True)
+    lows = [float((each.fit.coefficients - each.half)[of_load]) for each in alike]
+    highs = [float((each.fit.coefficients + each.half)[of_load]) for each in alike]
     if coulomb <= 0.0 or min(lows) <= 0.0:
         found = f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N"
         raise RecordingError(
@@ -222,25 +221,23 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
             else f"{found}, which drives the motion; check the sign of position and of the forces in the mapping"
         )
     grid, friction_n = np.linspace(*coverage.range_m, GRID), points.force_n - shape @ load
+    along = _polynomials(grid[:, None] if around is None else around.middles_m, coverage, around, order, other_order)
+    covariance = clustered_covariance(chosen.design, chosen.fit, blocks)[:of_load, :of_load]
+    scatter_n = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, covariance, along), 0.0))
     if around is None:
-        along = _polynomials(grid[:, None], coverage, None, order, 0)
         others_n = [each.fit.coefficients[:of_load] for each in candidates if _ALIKE * each.error_n < chosen.error_n]
         off_n = max((np.abs(along @ (each - load)) for each in others_n), key=np.max, default=0.0)
-        scatter_n = np.hypot(np.std(chosen.drawn[:, :of_load] @ along.T, axis=0), RECTANGULAR * off_n)
+        scatter_n = np.hypot(scatter_n, RECTANGULAR * off_n)
         loads_n = (along @ load)[coverage.holds(grid)]
     else:
-        along = _polynomials(around.middles_m, coverage, around, order, other_order)
-        # A bootstrap draw may leave a place without strokes of one direction; its load would then be unknown.
-        covariance = clustered_covariance(chosen.design, chosen.fit, blocks)[:of_load, :of_load]
-        of_cells_n = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, covariance, along), 0.0))
-        sure = of_cells_n < MOST_SCATTER * coulomb
+        sure = scatter_n < MOST_SCATTER * coulomb
         if not sure.any():
             raise RecordingError(
                 f"the load is nowhere known to {MOST_SCATTER * coulomb:.0f} N, half of Coulomb friction, from "
                 f"{len(np.unique(points.stroke))} strokes; record more strokes with the other cylinders at rest"
             )
         loads_n = along[sure] @ load
-        scatter_n = _worst_along(grid, around.middles_m[sure, 0], of_cells_n[sure])
+        scatter_n = _worst_along(grid, around.middles_m[sure, 0], scatter_n[sure])
         around = replace(around, known=tuple(np.array(around.known)[sure].tolist()))
     return LoadIdentification(
         coefficients_n=tuple(load.tolist()),
@@ -287,21 +284,20 @@ def _polynomials(
     return np.asarray(products)
 
 
-def _determined(design: Array, drawn: Array) -> bool:
+def _determined(design: Array, lowest: Array) -> bool:
     """Check whether strokes determine dry friction and each term of speed as positive.
 
-    ``drawn`` has a column for each of them, in this order. The last column of ``design`` is the last of these terms. If
+    ``lowest`` holds the lower limits of their intervals. The last column of ``design`` is the last of these terms. If
     all strokes of a direction have one speed, position and direction explain nearly all of it. Viscous friction then
     cannot be told from Coulomb friction or, if the speeds of the directions differ, from a constant load.
     """
     others, last = design[:, :-1], design[:, -1]
     left = last - others @ np.linalg.lstsq(others, last, rcond=None)[0]
-    positive = all(quantile_interval(each, CONFIDENCE)[0] > 0.0 for each in drawn.T)
-    return positive and float(left @ left / (last @ last)) >= _OWN_SHARE
+    return bool((lowest > 0.0).all()) and float(left @ left / (last @ last)) >= _OWN_SHARE
 
 
-def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], Array]:
-    """Assign each point to a block; also return the direction of each block.
+def _blocks(points: StrokePoints, direction: Array) -> NDArray[np.int64]:
+    """Assign each point to a block.
 
     A stroke is a block. If a direction has few strokes, they are cut, so that each direction has at least about
     ``_BLOCKS_PER_DIRECTION`` blocks.
@@ -313,8 +309,7 @@ def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], 
         stroke = points.stroke[own]
         piece[own] = (np.arange(len(own)) - np.searchsorted(stroke, stroke, side="left")) // longest
     keys = np.stack([points.stroke, piece])
-    _, first, blocks = np.unique(keys, axis=1, return_index=True, return_inverse=True)
-    return blocks.astype(np.int64).ravel(), direction[first]
+    return np.unique(keys, axis=1, return_inverse=True)[1].astype(np.int64).ravel()
 
 
 def _vary_by_themselves(points: StrokePoints, coverage: TravelCovered) -> bool:

@@ -24,13 +24,7 @@ from cylinder_friction.rig.parameters import (
 )
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import balanced_state, simulate
-from cylinder_friction.rig.variation import (
-    PAUSE_S,
-    Session,
-    draw_rig,
-    draw_session,
-    draw_wide_rig,
-)
+from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session, draw_wide_rig
 
 TRUTH_COLUMNS = (
     "time_s",

@@ -18,7 +18,7 @@ _GREATEST_LOG = math.log(1e3)
 
 
 def confidence_intervals(
-    motions: Motions, parameters: ModelParameters, names: tuple[str, ...], confidence: float
+    motions: Motions, parameters: ModelParameters, names: tuple[str, ...], confidence: float, offset_n: float = 0.0
 ) -> dict[str, tuple[float, float]]:
     """Compute the confidence interval of each named parameter, in the parameter's own unit.
 
@@ -26,7 +26,8 @@ def confidence_intervals(
     has the covariance ``H^-1 S H^-1``. ``H`` is ``2 f(0) J'J`` with the density ``f`` of residuals at zero, and ``S``
     is the sum over blocks of ``(J' sgn r)(J' sgn r)'``. Residuals within a block may be correlated; only the blocks
     must be independent. A parameter that the motion does not determine gets a wide interval, at most a factor of a
-    thousand either way.
+    thousand either way. All friction may have an offset with the standard uncertainty ``offset_n`` [N]; what it shifts
+    is part of each interval.
     ``parameters`` is the best result of the search, and ``names`` are its searched fields, all of them positive.
 
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
@@ -36,9 +37,11 @@ def confidence_intervals(
     sensitivity = np.column_stack([_sensitivity(motions, parameters, name)[usable] for name in names])
     scores = sensitivity * np.sign(residual)[:, None]
     totals = _block_sums(motions, scores)
-    curvature = 2.0 * _density_at_zero(residual) * (sensitivity.T @ sensitivity)
+    density = _density_at_zero(residual)
+    curvature = 2.0 * density * (sensitivity.T @ sensitivity)
     inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
-    covariance = inverse @ (totals.T @ totals) @ inverse
+    shifted = inverse @ (2.0 * density * offset_n * sensitivity.sum(axis=0))
+    covariance = inverse @ (totals.T @ totals) @ inverse + np.outer(shifted, shifted)
     reach = float(ndtri(0.5 + 0.5 * confidence))
     intervals = {}
     for number, name in enumerate(names):

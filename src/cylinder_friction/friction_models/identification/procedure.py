@@ -78,6 +78,7 @@ def identify(
     damping_ratio: float,
     dead_band_m_s: float,
     confidence: float,
+    offset_n: float = 0.0,
 ) -> Identification:
     """Identify a friction model from labelled recordings.
 
@@ -96,6 +97,7 @@ def identify(
         damping_ratio: Damping ratio of that mass on the bristles.
         dead_band_m_s: Speed in the labels below which the piston counts as standing [m/s].
         confidence: Probability of the confidence intervals.
+        offset_n: Standard uncertainty of an offset in all friction, as sensors' zeros cause [N].
 
     Raises:
         ValueError: The model needs a pressure but gets none, or the reverse; or steady sliding gives too few points.
@@ -128,7 +130,7 @@ def identify(
     return Identification(
         parameters=parameters,
         velocity=chosen,
-        intervals=confidence_intervals(everything, parameters, names, confidence),
+        intervals=confidence_intervals(everything, parameters, names, confidence, offset_n),
         points=tuple(points),
         curve=curve,
         error_n=everything.error_of(parameters.packed()),

@@ -49,12 +49,12 @@ class StribeckPoint(SteadyPoint):
     """Friction of steady sliding at one speed in one direction, with its confidence interval."""
 
     strokes: int  # Number of strokes that its rows come from
-    half_width_n: float  # Half the width of the confidence interval of ``friction_n`` [N]; NaN for a single stroke
+    half_width_n: float  # Half the width of the confidence interval of ``friction_n`` [N]; NaN or infinite if unknown
 
     @property
     def known_half_width_n(self) -> float | None:
-        """``half_width_n``, or None for a single stroke."""
-        return None if math.isnan(self.half_width_n) else self.half_width_n
+        """``half_width_n``, or None if it is unknown, as that of a single stroke."""
+        return self.half_width_n if math.isfinite(self.half_width_n) else None
 
 
 @dataclass(frozen=True)
