@@ -32,7 +32,8 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     sensor_limits,
     stated_rate,
 )
-from cylinder_friction.recordings.mapping.guessing import GuessedMapping, channel_lines, guess_mapping, refuse_unknown
+from cylinder_friction.recordings.mapping.guessing import GuessedMapping, guess_mapping
+from cylinder_friction.recordings.mapping.mapping_text import channel_lines, refuse_unknown
 from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata, Start
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 

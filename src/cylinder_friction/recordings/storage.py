@@ -79,13 +79,6 @@ def recording_paths(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.parquet"))
 
 
-def columns_and_rows(folder: Path) -> tuple[dict[str, str], int]:
-    """Return the Arrow type of each column in a folder of recordings, and the total number of rows."""
-    heads = [pq.read_metadata(path) for path in recording_paths(folder)]
-    columns = {field.name: str(field.type) for head in heads[:1] for field in head.schema.to_arrow_schema()}
-    return columns, sum(head.num_rows for head in heads)
-
-
 def iterate_recordings(folder: Path) -> Iterator[Recording]:
     """Yield the recordings of a folder, sorted by name; memory holds one at a time."""
     for path in recording_paths(folder):

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 from pydantic import TypeAdapter
 
 from cylinder_friction.dvc_hashes import known_hash
 from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
-from cylinder_friction.recordings.storage import columns_and_rows
+from cylinder_friction.recordings.storage import recording_paths
 from cylinder_friction.run_record import Dataset, Scalar
 
 RIG_FOLDER = Path("data/raw/rig")
@@ -81,9 +82,16 @@ def datasets(folders: Mapping[str, Path]) -> dict[str, Dataset]:
         FileNotFoundError: A folder does not exist.
     """
     return {
-        role: Dataset(folder.as_posix(), known_hash(folder), *columns_and_rows(folder))
+        role: Dataset(folder.as_posix(), known_hash(folder), *_columns_and_rows(folder))
         for role, folder in folders.items()
     }
+
+
+def _columns_and_rows(folder: Path) -> tuple[dict[str, str], int]:
+    """Return the Arrow type of each column in a folder of recordings, and the total number of rows."""
+    heads = [pq.read_metadata(path) for path in recording_paths(folder)]
+    columns = {field.name: str(field.type) for head in heads[:1] for field in head.schema.to_arrow_schema()}
+    return columns, sum(head.num_rows for head in heads)
 
 
 def estimator_folders() -> dict[str, Path]:
