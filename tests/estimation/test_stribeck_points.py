@@ -15,7 +15,7 @@ from cylinder_friction.estimation.identified_model import (
     Zeros,
     stribeck_points,
 )
-from cylinder_friction.estimation.steady_intervals import scatter_of_sessions
+from cylinder_friction.estimation.parameter_intervals import scatter_of_sessions
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 

@@ -15,9 +15,7 @@ EXPECTED = (ValueError, OSError)
 
 def run(options: argparse.Namespace) -> int:
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
-    beside = [f"simpler  {result.simpler}"] if result.simpler else []
-    beside += [f"loss     {result.loss}"] if result.loss else []
-    beside += [f"zeros    {result.zeros}"] if result.zeros else []
+    beside = [f"{name:<8} {words}" for name in ("simpler", "loss", "zeros") if (words := getattr(result, name))]
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     return 1 if result.refused or all(model.found is None for model in result.models) else 0
 

@@ -25,18 +25,19 @@ from cylinder_friction.estimation.identified_model import (
     pressure_problem,
     stribeck_points,
 )
-from cylinder_friction.estimation.results import load_left
-from cylinder_friction.estimation.steady_intervals import scatter_of_sessions, steady_intervals
-from cylinder_friction.estimation.velocity_choices import (
+from cylinder_friction.estimation.parameter_intervals import (
     FITS_ALIKE,
     LEAST_SHARE,
     NOISE_MULTIPLE,
     odd_window,
+    scatter_of_sessions,
     slope,
     slope_noise,
+    steady_intervals,
     velocities_on_offer,
     widened_intervals,
 )
+from cylinder_friction.estimation.results import load_left
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
 from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import write_json, write_text

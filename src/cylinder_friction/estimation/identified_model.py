@@ -17,7 +17,6 @@ from cylinder_friction.friction_models.identification.procedure import Identific
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
     StribeckPoint,
-    is_breakaway_known,
     known_curve,
     steady_sliding_by_speed,
 )
@@ -158,7 +157,7 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
     slowest_m_s = min(abs(point.velocity_m_s) for point in points)
     rise = float(curve.dry_friction(np.array([slowest_m_s]))[0]) / curve.coulomb_n - 1.0
     rises = rise >= LEAST_RISE
-    if rises and is_breakaway_known(curve, points):
+    if rises and slowest_m_s <= curve.stribeck_velocity_m_s:  # else static friction is extrapolated
         return ""
     seen = "still rises towards standstill, how far is not seen" if rises else "does not rise towards standstill"
     return f"at the slowest steady sliding, {1e3 * slowest_m_s:.2g} mm/s, friction {seen}; record slower strokes"
@@ -242,7 +241,7 @@ def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
     usable_pa = np.concatenate(pressure_pa)
     if not len(usable_pa):
         return "no row is usable"
-    least, greatest = (1e-5 * float(each) for each in np.quantile(usable_pa, [0.05, 0.95]))
+    least, greatest = (1e-5 * np.quantile(usable_pa, [0.05, 0.95])).tolist()
     if greatest >= LEAST_PRESSURE_SPAN * max(least, 0.0) and greatest > 0.0:
         return ""
     return (

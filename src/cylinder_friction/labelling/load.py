@@ -123,13 +123,9 @@ class LoadIdentification:
 
         ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one position.
         """
-        if self.around is None:
-            return np.asarray(
-                legendre.legval(_scaled(np.ravel(positions_m), self.coverage.range_m), np.array(self.coefficients_n))
-            )
-        return _polynomials(positions_m, self.coverage, self.around, self.order, self.other_order) @ np.array(
-            self.coefficients_n
-        )
+        rows = np.reshape(positions_m, (len(positions_m), -1))
+        shape = _polynomials(rows, self.coverage, self.around, self.order, self.other_order)
+        return np.asarray(shape @ np.array(self.coefficients_n))
 
     def uncertainty_n(self, positions_m: Array) -> Array:
         """Compute the load's standard uncertainty (k = 1) [N], shape ``(n,)``: scatter and asymmetry."""
@@ -146,8 +142,10 @@ class LoadIdentification:
         """State the result in words."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
         load = f"{low_n:.0f} N" if f"{low_n:.0f}" == f"{high_n:.0f}" else f"{low_n:.0f} to {high_n:.0f} N"
+        ranges_m = zip(self.others, () if self.around is None else self.around.ranges_m, strict=True)
+        others = [f", {name} from {low:.3g} to {high:.3g} m" for name, (low, high) in ranges_m]
         return (
-            f"the load is {load} ± {self.expanded_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{self._elsewhere()}, "
+            f"the load is {load} ± {self.expanded_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{''.join(others)}, "
             f"from strokes ({self.strokes_extend} out, {self.strokes_retract} in); "
             f"± {COVERAGE_FACTOR * self.asymmetry_n:.0f} N of that is asymmetric friction, which strokes do not tell "
             "from a load"
@@ -157,13 +155,6 @@ class LoadIdentification:
     def expanded_n(self) -> float:
         """Expanded uncertainty (k = 2) of the load [N], the median over positions."""
         return COVERAGE_FACTOR * math.hypot(float(np.median(self.scatter_n)), self.asymmetry_n)
-
-    def _elsewhere(self) -> str:
-        ranges_m = [] if self.around is None else self.around.ranges_m
-        between = (
-            f"{name} from {low:.3g} to {high:.3g} m" for name, (low, high) in zip(self.others, ranges_m, strict=True)
-        )
-        return "".join(f", {words}" for words in between)
 
 
 @dataclass(frozen=True)

@@ -62,12 +62,10 @@ class LineLoss:
 
         ``velocity_m_s`` is the velocity of the piston, positive while oil flows towards the chamber.
         """
-        if self.bar is not None and self.speed_m_s is not None:
+        if self.bar and self.speed_m_s:
             part, laminar = velocity_m_s / self.speed_m_s, self.laminar_percent / 100.0
             return self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part))
-        assert self.length_m is not None
-        assert self.bore_mm is not None
-        assert self.oil_mm2_s is not None
+        assert self.length_m and self.bore_mm and self.oil_mm2_s  # noqa: PT018 - as stated
         bore_m, viscosity_m2_s = 1e-3 * self.bore_mm, 1e-6 * self.oil_mm2_s
         flow_m_s = velocity_m_s * self.area_m2 / (0.25 * math.pi * bore_m**2)
         reynolds = np.maximum(np.abs(flow_m_s) * bore_m / viscosity_m2_s, 1e-9)

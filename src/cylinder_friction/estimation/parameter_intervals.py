@@ -1,16 +1,23 @@
-"""Candidate velocities without delay for identifying friction models, and how parameters depend on the choice."""
+"""Intervals of identified parameters: candidate velocities, steady sliding, and sessions whose zeros differ."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 from tqdm import tqdm
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.search import Coordinates, search_locally
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.labelling.apparent_loss import STRIBECK_SPEEDS_M_S
+from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
+from cylinder_friction.labelling.sliding_blocks import SlidingBlocks, sliding_blocks
+from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal_velocity import CausalVelocity
 
@@ -26,6 +33,11 @@ LEAST_SHARE = 0.02
 """Least half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
 EVALUATIONS = 400
 STEADY = {"coulomb_n", "retract_ratio"}  # Parameters that steady sliding also determines
+NO_FALL_M_S = 1e-4
+"""A Stribeck velocity so low that dry friction does not fall at the speeds of steady sliding."""
+ALIKE = 1.05
+"""Largest ratio of an error to the least one at which another Stribeck velocity describes friction as well."""
+_NAMES = ("viscous_n_s_m", "coulomb_n")
 
 
 def slope(window: int, backlash_m: float, dead_band_m_s: float) -> Callable[[Recording], Array]:
@@ -110,3 +122,65 @@ def widened_intervals(
         (lower, upper), other = intervals[name], getattr(found.curve, name) / values[name]
         intervals[name] = min(lower, other * lower), max(upper, other * upper)
     return intervals
+
+
+def steady_intervals(
+    recordings: Sequence[Recording], cylinder: Cylinder, confidence: float, zeros_n: float = 0.0
+) -> dict[str, tuple[float, float]]:
+    """Compute confidence intervals of viscous friction [N s/m] and Coulomb friction [N] from labelled recordings.
+
+    In the fit, dry friction may fall with speed and change with pressure, in each direction in its own way, and each
+    recording has its own level. Pressure is that of the side that the oil leaves, as the other one contains friction.
+    Blocks of a stroke count as one. What strokes do not tell apart widens the intervals, which are infinite without
+    enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures; the
+    sensors' zeros may shift it by ``zeros_n``.
+    """
+    parts = [sliding_blocks(each, cylinder, prior_n=0.0) for each in recordings]
+    blocks = SlidingBlocks.together(parts)
+    ways, speed = (blocks.direction > 0.0, blocks.direction < 0.0), np.abs(blocks.columns["velocity_m_s"])
+    if not all(way.any() for way in ways):
+        return dict.fromkeys(_NAMES, (-np.inf, np.inf))
+    part = np.repeat(np.arange(len(parts), dtype=np.int64), [len(each.stroke) for each in parts])
+    known = [speed, *(column for way in ways for column in _levels(way, part))]
+    if set(PRESSURES) <= blocks.columns.keys():
+        leaving_bar = [1e-5 * blocks.columns[name] for name in reversed(PRESSURES)]
+        known += [way * (bar - bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
+    strokes, fits = np.unique(blocks.stroke, return_inverse=True)[1].astype(np.int64), []
+    for stribeck_m_s in (NO_FALL_M_S, *STRIBECK_SPEEDS_M_S):
+        design = np.column_stack([*known, np.exp(-speed / stribeck_m_s)])
+        fit = robust_fit(design, blocks.label_n * blocks.direction)
+        half = clustered_half_widths(design, fit, strokes, confidence)
+        half[1] = np.hypot(half[1], zeros_n)
+        fits.append((float(np.abs(fit.residuals).sum()), fit.coefficients - half, fit.coefficients + half))
+    least = min(error for error, _, _ in fits)
+    alike = [(lower, upper) for error, lower, upper in fits if error <= ALIKE * least]
+    return {
+        name: (float(min(lower[place] for lower, _ in alike)), float(max(upper[place] for _, upper in alike)))
+        for place, name in enumerate(_NAMES)
+    }
+
+
+def scatter_of_sessions(recordings: Sequence[Recording], cylinder: Cylinder, confidence: float) -> float:
+    """Compute how far sensors' zeros may shift the sessions' mean friction [N], from sessions of the same condition.
+
+    It is infinite without two sessions of one condition. Zeros are assumed independent between sessions.
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    sessions: dict[tuple[str, str], list[SlidingBlocks]] = {}
+    for each in recordings:
+        own = sessions.setdefault((each.metadata.condition, each.metadata.session), [])
+        own.append(sliding_blocks(each, cylinder, prior_n=0.0))
+    halves = [(condition, SlidingBlocks.together(own).halves_n()[0]) for (condition, _), own in sessions.items()]
+    found = pd.DataFrame(halves, columns=["condition", "half_n"]).dropna()
+    off_n = found["half_n"] - found.groupby("condition")["half_n"].transform("mean")
+    free = len(found) - found["condition"].nunique()
+    if free < 1:
+        return np.inf
+    return float(stdtrit(free, 0.5 + 0.5 * confidence) * np.sqrt((off_n**2).sum() / free / len(found)))
+
+
+def _levels(way: Mask, part: NDArray[np.int64]) -> list[Array]:
+    """List columns for the levels of dry friction in one direction: their mean, then each recording's deviation."""
+    first, *others = np.unique(part[way])
+    return [1.0 * way, *(way * (1.0 * (part == each) - (part == first)) for each in others)]
