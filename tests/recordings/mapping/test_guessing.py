@@ -131,6 +131,7 @@ TEXT = np.array(["soon"] * ROWS, dtype=object)
         ({"column_1": np.arange(ROWS)}, "'column_1' steps by exactly 1, so that it may count rows, and not time; stat"),
         ({"Time": np.arange(ROWS)}, "'Time' steps by exactly 1, so that it may count rows"),
         (MEASURED | {"energy": TIME}, "NOT FOUND"),
+        ({"Time [jiffies]": TIME}, "'Time [jiffies]' states the unit 'jiffies', which is none of time; expected"),
         ({"Sample": np.arange(ROWS), "Time": TEXT}, "'Time' is named like time, but its cells cannot be read, such as"),
         ({"n": 0.005 * np.arange(ROWS), "Uhrzeit": TEXT}, "'Uhrzeit' is named like time, but its cells cannot be read"),
     ],

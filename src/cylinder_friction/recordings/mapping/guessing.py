@@ -319,7 +319,7 @@ def guess_mapping(
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
     columns = {column: _guessed(column, chosen, ranked[column], facts, cylinder, units or {}) for column in wanted}
     if TIME not in chosen:
-        entry, checks = {"rate_hz": rate_hz} if rate_hz else {}, (why,) if why else ()
+        entry, checks = {"rate_hz": rate_hz} if rate_hz else {}, (why,) if why else columns[TIME].checks
         columns[TIME] = GuessedColumn(TIME, None, entry, checks=checks)
     counts = Counter(channel.name for channel in facts)
     for column, channel in chosen.items():
