@@ -161,6 +161,6 @@ def test_a_file_name_states_the_start_if_the_log_does_not(
     assert recording.metadata.start_source.startswith("file name, ") == bool(start)
     if not start:
         with pytest.warns(
-            UserWarning, match=r"start\.pattern '.*\(\?P<day>\\d\\d\).*' of the mapping finds no date in any"
+            UserWarning, match=r"start\.pattern '.*\(\?P<day>\\d\\d\).*' of the mapping finds nothing in any"
         ):
             find_logs(tmp_path / f"{name}.csv", settings, cylinder)

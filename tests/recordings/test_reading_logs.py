@@ -66,7 +66,7 @@ def test_given_names_take_precedence_over_the_pattern_of_the_mapping(logs: Path,
 def test_files_outside_a_patterns_folders_are_sessions(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     mapping = {"channels": CHANNELS, "name_pattern": r"^(?P<session>(?P<condition>[^_/]+)_[^/]+)/"}
     paths = [Path(shutil.copy(path, tmp_path)) for path in sorted(logs.glob("*.csv"))[:2]]
-    with pytest.warns(UserWarning, match=r"finds no session in any path, such as 'condition1_.*: each file is a sess"):
+    with pytest.warns(UserWarning, match=r"finds nothing in any path, such as 'condition1_.*: each file is a sess"):
         flat = read_recordings(paths, mapping, cylinder)
     assert [each.metadata.session for each in flat] == [path.stem for path in paths]
     (tmp_path / "no-load_monday").mkdir()

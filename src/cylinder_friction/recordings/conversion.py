@@ -194,12 +194,7 @@ def pieces_from(
     if start is None and rules.pattern is not None:
         none = f"finds no date in {about.source_file!r}; correct it or the name; until then its start is not known"
         notes += (f"start.pattern '{rules.pattern}' {none}",)
-    pieces = align(
-        signals,
-        recipe.time,
-        replace(about, repairs=notes),
-        rules.in_utc(start),
-    )
+    pieces = align(signals, recipe.time, replace(about, repairs=notes), rules.in_utc(start))
     if recipe.limits.stated_load is not None:
         force_n = recipe.limits.stated_load.force_n
         pieces = [each.with_columns(load_force_n=np.full(len(each), force_n)) for each in pieces]

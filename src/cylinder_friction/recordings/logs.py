@@ -305,11 +305,11 @@ def _logs(
     root = _root(paths, settings.get("source"))
     files = {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}
     rules = NameRules(names or settings.get("name_pattern"))
+    nothing = f"of the mapping finds nothing in any path, such as {next(iter(files))!r}"
     if not names and rules.pattern is not None and not any(re.search(rules.pattern, file) for file in files):
-        words = f"name_pattern '{rules.pattern}' of the mapping finds no session in any path, such as"
-        rules = NameRules()
         own = "each file is a session of its own; correct it, or state another by --names"
-        warnings.warn(f"{words} {next(iter(files))!r}: {own}", stacklevel=4)
+        warnings.warn(f"name_pattern '{rules.pattern}' {nothing}: {own}", stacklevel=4)
+        rules = NameRules()
     mode: LoadMode = "measured" if LOAD_FORCE in settings["channels"] else "none"
     mapped = settings.get("load")
     if mapped not in (None, *get_args(LoadMode)):
@@ -320,8 +320,7 @@ def _logs(
     recipe = Recipe.from_settings(settings, rules, cylinder, load or mode)
     check_mapping(recipe.channels)
     if (pattern := recipe.start.pattern) is not None and not any(map(recipe.start.named, files)):
-        words = f"start.pattern '{pattern}' of the mapping finds no date in any path, such as {next(iter(files))!r}"
-        warnings.warn(f"{words}: no start is known from it; correct it, or leave it out", stacklevel=4)
+        warnings.warn(f"start.pattern '{pattern}' {nothing}, so that it states no start; correct it", stacklevel=4)
         recipe = replace(recipe, start=replace(recipe.start, pattern=None))
     return Logs(root, files, recipe)
 

@@ -80,6 +80,10 @@ def test_wrong_mapping_is_refused(column: str, change: dict[str, Any], message: 
         check_mapping(MAPPING | {column: ChannelMapping.from_dict({"channel": "a", "unit": unit, **change})})
 
 
+def test_channels_to_be_filled_in_may_share_their_placeholder() -> None:
+    check_mapping(MAPPING | dict.fromkeys(("pressure_1_pa", "pressure_2_pa"), ChannelMapping("NOT FOUND", "bar")))
+
+
 @pytest.mark.parametrize("quantity", OWN)
 def test_an_unknown_unit_is_answered_with_the_units_of_the_guide(quantity: str) -> None:
     guide = (Path(__file__).parents[3] / "docs/logger-files.md").read_text(encoding="utf-8")

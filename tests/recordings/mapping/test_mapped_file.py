@@ -10,12 +10,7 @@ import pytest
 
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.mapping.channel_mapping import (
-    ChannelMapping,
-    SensorScale,
-    check_mapping,
-    wanted_channels,
-)
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import MappedFile, map_signals
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.aligning import align
@@ -102,13 +97,6 @@ def test_each_table_keeps_its_own_time(slow: LoggedTable, time: str | None) -> N
 
 ROWS = np.arange(40)
 PLC = {"t": 5 * ROWS, "t10 [ms]": 10 * ROWS, "a": np.ones(40), "b": np.ones(40), "x": np.zeros(40)}
-
-
-def test_channels_to_be_filled_in_are_answered_with_those_of_the_file() -> None:
-    mapping = MAPPING | {name: ChannelMapping("NOT FOUND", "bar") for name in ("pressure_1_pa", "pressure_2_pa")}
-    check_mapping(mapping)
-    with pytest.raises(RecordingError, match=r"'NOT FOUND' \(for 'pressure_1_pa'\) is missing; got channels 't', "):
-        map_signals([LoggedTable(pd.DataFrame(PLC))], mapping)
 
 
 def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own() -> None:

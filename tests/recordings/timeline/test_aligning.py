@@ -67,21 +67,9 @@ OTHER_CLOCK = {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[:1500].copy(), NOI
     ("columns", "lengths", "repair"),
     [
         (without([100]), [2000], "1 lost sample interpolated (at most 1 in a row, first after 0.495 s)"),
-        (
-            without([100, 101, 102]),
-            [100, 1897],
-            f"split at 1 gap {GAP} 0.02 s after 0.495 s)",
-        ),
-        (
-            without([*range(100, 110), *range(115, 130)]),
-            [100, 1870],
-            f"split at 2 gaps {GAP} 0.055 s after 0.495 s)",
-        ),
-        (
-            missing(list(range(500, 510))),
-            [500, 1490],
-            f"split at 1 gap {GAP} 0.055 s without b after 2.495 s)",
-        ),
+        (without([100, 101, 102]), [100, 1897], f"split at 1 gap {GAP} 0.02 s after 0.495 s)"),
+        (without([*range(100, 110), *range(115, 130)]), [100, 1870], f"split at 2 gaps {GAP} 0.055 s after 0.495 s)"),
+        (missing(list(range(500, 510))), [500, 1490], f"split at 1 gap {GAP} 0.055 s without b after 2.495 s)"),
         (one(RESTARTED), [1000, 1000], "split at 1 restart of the clock (first: row 1001, from 4.995 to 0 s)"),
         (one(SET_BACK), [1000, 1000], "split at 1 restart of the clock (first: row 1001, from 4.995 to 4.95 s)"),
         (one(ROLLING), [640, 640, 640, 80], "split at 3 restarts of the clock (first: row 641, from 3.195 to 0 s)"),

@@ -79,11 +79,4 @@ def _values(channel: Any) -> NDArray[Any]:
     return values.astype(object) if values.dtype.kind in "OU" else numeric(values)
 
 
-FORMAT = Format(
-    "tdms",
-    "a TDMS file",
-    read_tdms,
-    starts=(b"TDSm",),
-    library="nptdms",
-    crashes="the TDMS library",
-)
+FORMAT = Format("tdms", "a TDMS file", read_tdms, starts=(b"TDSm",), library="nptdms", crashes="the TDMS library")

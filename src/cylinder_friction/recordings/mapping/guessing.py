@@ -273,10 +273,7 @@ class GuessedMapping:
 
 @np.errstate(over="ignore", invalid="ignore")  # damaged files may contain numbers near the limit of a float
 def guess_mapping(
-    tables: Sequence[LoggedTable],
-    path: Path,
-    cylinder: Cylinder | None = None,
-    units: Mapping[str, str] | None = None,
+    tables: Sequence[LoggedTable], path: Path, cylinder: Cylinder | None = None, units: Mapping[str, str] | None = None
 ) -> GuessedMapping:
     """Guess a mapping of a file, as far as names, units and values determine one.
 
@@ -411,14 +408,11 @@ def _guessed(
 
 def _in_another_unit(column: str, facts: Sequence[ChannelFacts]) -> tuple[str, ...]:
     """State which channel is named like a column, but in a unit of another quantity or one that is not known."""
-    quantity = QUANTITIES[column]
-    like = [each for each in facts if each.words.quantity == quantity and each.words.side in (0, SIDES.get(column, 0))]
-    return tuple(
-        f"{each.name!r} states the unit {each.unit!r}, which is none of {quantity}; expected {known_units(quantity)}; "
-        "name the channel with its right unit"
-        for each in like
-        if each.unit and quantity_of(each.unit) != quantity
-    )[:1]
+    quantity, sides = QUANTITIES[column], (0, SIDES.get(column, 0))
+    like = (each for each in facts if each.words.quantity == quantity and each.words.side in sides and each.unit)
+    other = next((each for each in like if quantity_of(each.unit) != quantity), None)
+    words = f"; expected {known_units(quantity)}; name the channel with its right unit"
+    return (f"{other.name!r} states the unit {other.unit!r}, which is none of {quantity}{words}",) if other else ()
 
 
 def size_in_words(column: str, channel: ChannelFacts) -> str:

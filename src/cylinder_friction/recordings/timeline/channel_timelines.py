@@ -195,9 +195,9 @@ def _refuse_short_seconds(stamps: OrderedStamps, firsts: Indices, stretch: Indic
     if len(short):
         first = firsts[short[0]]
         raise RecordingError(
-            f"time_s holds whole seconds, and {stamps.time_s[first]:.9g} s (from row {stamps.rows[first] + 1} on) has "
-            f"{rows[short[0]]} rows, but a second usually {usual:.0f}: samples are missing in this second, and where "
-            "is not known; log time with a finer resolution, or cut the file there"
+            f"time_s holds whole seconds: {stamps.time_s[first]:.9g} s (from row {stamps.rows[first] + 1} on) has "
+            f"{rows[short[0]]} rows, a second usually {usual:.0f}: samples are missing somewhere in it; log time with "
+            "a finer resolution, or cut the file there"
         )
 
 
