@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.identification import FrictionModels, identify_logs
-from cylinder_friction.estimation.identified_model import IdentifiedModel
+from cylinder_friction.estimation.identification import identify_logs
+from cylinder_friction.estimation.identified_model import FrictionModels, IdentifiedModel
 from cylinder_friction.recordings.recording import RecordingError
 from friction_samples import lugre_to_find
 from logger_files import CHANNELS, SENSOR, write_lugre_log

@@ -6,7 +6,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identified_model import WIDEST
-from cylinder_friction.estimation.parameter_intervals import steady_intervals
+from cylinder_friction.estimation.steady_intervals import steady_intervals
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 STEP_S, VISCOUS_N_S_M = 0.005, 1500.0

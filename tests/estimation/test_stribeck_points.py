@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identified_model import IdentifiedCurve, StribeckPoint, Zeros, stribeck_points
-from cylinder_friction.estimation.parameter_intervals import scatter_of_sessions
+from cylinder_friction.estimation.steady_intervals import scatter_of_sessions
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.parameter_intervals import velocities_on_offer
+from cylinder_friction.estimation.steady_intervals import velocities_on_offer
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 SAMPLE_TIME_S, NOISE_M = 0.005, 3e-5

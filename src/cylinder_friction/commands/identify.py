@@ -6,8 +6,8 @@ import argparse
 from functools import partial
 
 from cylinder_friction.commands.log_options import print_result, run_on_logs
-from cylinder_friction.estimation.identification import PAGE_FILE, FrictionModels, identify_logs
-from cylinder_friction.estimation.identified_model import IdentifiedParameter
+from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
+from cylinder_friction.estimation.identified_model import FrictionModels, IdentifiedParameter
 from cylinder_friction.wording import with_unit
 
 EXPECTED = (ValueError, OSError)

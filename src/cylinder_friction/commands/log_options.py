@@ -19,7 +19,7 @@ from cylinder_friction.params.file import PARAMS_FILE, ParamsError
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimation.identification import FrictionModels
+    from cylinder_friction.estimation.identified_model import FrictionModels
     from cylinder_friction.estimation.results import FrictionOfLogs
 
 Result = TypeVar("Result")

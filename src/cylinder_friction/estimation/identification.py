@@ -3,7 +3,7 @@
 import math
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,10 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification_page import identification_page
 from cylinder_friction.estimation.identified_model import (
+    CONFIDENCE,
+    FITS_ALIKE,
+    LEAST_SHARE,
+    FrictionModels,
     IdentifiedCurve,
     IdentifiedModel,
     Zeros,
@@ -25,9 +29,8 @@ from cylinder_friction.estimation.identified_model import (
     pressure_problem,
     stribeck_points,
 )
-from cylinder_friction.estimation.parameter_intervals import (
-    FITS_ALIKE,
-    LEAST_SHARE,
+from cylinder_friction.estimation.results import load_left
+from cylinder_friction.estimation.steady_intervals import (
     NOISE_MULTIPLE,
     odd_window,
     scatter_of_sessions,
@@ -35,17 +38,14 @@ from cylinder_friction.estimation.parameter_intervals import (
     slope_noise,
     steady_intervals,
     velocities_on_offer,
-    widened_intervals,
 )
-from cylinder_friction.estimation.results import load_left
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
 from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import write_json, write_text
-from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.identification.steady_points import undetermined
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
+from cylinder_friction.labelling.known_offset import mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR
 from cylinder_friction.recordings.conversion import Quarantined, logged_files, none_usable, other_rates
@@ -56,7 +56,8 @@ from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
-CONFIDENCE, DAMPING_RATIO = 0.95, 0.5
+DAMPING_RATIO = 0.5
+STEADY = ("coulomb_n", "retract_ratio")  # Parameters that steady sliding also determines
 POPULATION, GENERATIONS = 10, 50
 AS_GOOD = 1.05
 """Largest ratio of the plain model's error to the pressure-scaled one's at which the plain model is as good."""
@@ -64,56 +65,12 @@ MOST_ROWS = 1 << 20
 """Most rows used of one log, because memory holds all of them. Of a longer log, evenly spread parts are used."""
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 """Recordings and length of their pieces [s] in differential evolution; longest piece in the last local searches [s]."""
-INTERVALS_OF_PARAMETERS = (
-    f"{INTERVAL_METHOD}, with the shift that the sensors' zeros or an identified load may cause; widened to hold what "
-    "steady sliding alone gives, and what is identified with every velocity whose error exceeds the least by at most "
-    f"{100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} % either way at least; that of viscous "
-    "friction from steady sliding alone, beside dry friction that changes with speed and pressure, which also widens "
-    "that of plain Coulomb friction; a Stribeck curve's numbers draw the line through its points, and have none"
-)
-INTERVALS_OF_POINTS = (
-    "Student's t over the medians of strokes, with the shift that the sensors' zeros or an identified load may cause; "
-    "none for a single stroke, or if nothing is known of the zeros"
-)
 LARGE = 0.25
 """Share of mean |friction| above which the shift by the sensors' zeros is named as the reason for wide intervals."""
 ZEROS = (
     "state the sensors' zeros (--sensor-class, or sensor.zero_uncertainty in the mapping), or give several sessions of "
     "each condition (--names), between which the sensors were zeroed"
 )
-
-
-@dataclass(frozen=True)
-class FrictionModels:
-    """Curves and models that were identified from logs."""
-
-    folder: Path  # Folder of the files
-    recordings: tuple[str, ...]  # Names of the recordings
-    curves: tuple[IdentifiedCurve, ...]  # One per condition
-    models: tuple[IdentifiedModel, ...]  # LuGre, plain and pressure-scaled
-    refused: list[Quarantined] = field(default_factory=list)
-    offsets: list[KnownOffset] = field(default_factory=list)
-    guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
-    loss: str = ""  # As in ``FrictionOfLogs``
-    simpler: str = ""  # A sentence if the model with fewer parameters describes all recordings as well; else empty
-    zeros: str = ""  # What to do if zeros, or a load, leave parameters without a number; else empty
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values; unknown values are None."""
-        return {
-            "confidence": CONFIDENCE,
-            "intervals_of_points": INTERVALS_OF_POINTS,
-            "intervals_of_parameters": INTERVALS_OF_PARAMETERS,
-            "recordings": list(self.recordings),
-            "stribeck": {each.condition: each.to_dict() for each in self.curves},
-            "models": {each.name: each.to_dict() for each in self.models},
-            "offsets": {each.session: each.value for each in self.offsets},
-            "refused": [asdict(each) for each in self.refused],
-            "guessed": self.guessed,
-            "loss": self.loss,
-            "simpler": self.simpler,
-            "zeros": self.zeros,
-        }
 
 
 def identify_logs(
@@ -178,6 +135,7 @@ def identify_logs(
             raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
         search = ModelSearch(recordings, run, generations, seed)
         models = search.plain(), search.pressure_scaled()
+        simulated = [(each, search.simulated(models, each)) for each in search.recordings]
         result = FrictionModels(
             into,
             tuple(recording.name for recording in recordings),
@@ -187,10 +145,15 @@ def identify_logs(
             list(run.offsets.values()),
             logs.guessed,
             run.loss_in_words(),
-            search.simpler(*models),
+            simpler(models, simulated),
             search.zeros,
         )
-        _write(folder, result, search, cylinder)
+        for model in models:
+            if model.found is not None:
+                write_text(folder / f"{model.name}.mo", modelica_record(model, cylinder, CONFIDENCE))
+                write_text(folder / f"{model.name}.m", matlab_script(model, cylinder, CONFIDENCE))
+        write_text(folder / PAGE_FILE, identification_page(result, simulated))
+        write_json(folder / MODELS_FILE, result.to_dict())
     return result
 
 
@@ -234,30 +197,16 @@ class ModelSearch:
         problem = pressure_problem([_pressure(recording)[recording.usable()] for recording in self.recordings])
         return _unidentified(model, self.recordings, problem) if problem else self._identified(model, self.recordings)
 
-    def simpler(self, plain: IdentifiedModel, scaled: IdentifiedModel) -> str:
-        """State it if the plain model describes all recordings as well as the pressure-scaled one; else empty."""
-        if plain.found is None or scaled.found is None:
-            return ""
-        errors = []
-        for model in (plain, scaled):
-            off_n = [
-                (self.simulated(model, each) - each.column("friction_n"))[each.usable()] for each in self.recordings
-            ]
-            errors.append(float(np.mean([np.abs(own).mean() for own in off_n])))
-        if errors[0] > AS_GOOD * errors[1]:
-            return ""
-        return (
-            f"{plain.title} describes all recordings as well ({errors[0]:.1f} N) as {scaled.title} ({errors[1]:.1f} "
-            "N), with one parameter fewer; use its parameters"
-        )
-
-    def simulated(self, identified: IdentifiedModel, recording: Recording) -> Array:
-        """Simulate the friction of an identified model along a recording [N], shape ``(n,)``."""
-        assert identified.found is not None
-        model, velocity = LuGre(identified.pressure_scaled), self.velocities[identified.velocity]
-        pressure = _pressure(recording) if identified.pressure_scaled else None
-        values, state = identified.found.parameters.packed(), model.new_state()
-        return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
+    def simulated(self, models: Sequence[IdentifiedModel], recording: Recording) -> dict[str, Array]:
+        """Simulate the friction of each identified model along a recording [N], by title."""
+        lines = {}
+        for each in models:
+            if each.found is not None:
+                model, velocity_m_s = LuGre(each.pressure_scaled), self.velocities[each.velocity](recording)
+                pressure = _pressure(recording) if each.pressure_scaled else None
+                values, state = each.found.parameters.packed(), model.new_state()
+                lines[each.title] = model.simulate(values, velocity_m_s, recording.sample_time_s, state, pressure)
+        return lines
 
     def _zeros(self, recordings: Sequence[Recording]) -> Zeros:
         """Return how far the sensors' zeros, or a load identified with them, may shift friction of these recordings.
@@ -283,31 +232,54 @@ class ModelSearch:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]
 
     def _identified(self, model: LuGre, recordings: Sequence[Recording]) -> IdentifiedModel:
-        points, zeros = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE), self._zeros(recordings)
+        zeros, conditions = self._zeros(recordings), {each.metadata.condition for each in recordings}
+        curves = [each for each in self.curves if each.condition in conditions]
+        points = [point for each in curves for point in each.points]
         if problem := undetermined(points) if points else "":
             return _unidentified(model, recordings, problem)
         pressure = _pressure if model.pressure_scaled else None
-        given: dict[str, Any] = {"mass_kg": self.run.cylinder.moving_mass_kg, "damping_ratio": DAMPING_RATIO}
         shift_n = min(zeros.half_n, _level_n(recordings))  # Unknown zeros may shift friction by as much as there is
-        limits: dict[str, Any] = {"dead_band_m_s": self.slowest_m_s, "confidence": CONFIDENCE}
-        limits["offset_n"] = shift_n / COVERAGE_FACTOR
+        given: dict[str, Any] = {"mass_kg": self.run.cylinder.moving_mass_kg, "damping_ratio": DAMPING_RATIO}
+        given |= {"dead_band_m_s": self.slowest_m_s, "confidence": CONFIDENCE, "alike": FITS_ALIKE}
+        given["offset_n"] = shift_n / COVERAGE_FACTOR
         try:
-            found = identify(model, recordings, self.velocities, pressure, self.effort, **given, **limits)
+            found = identify(model, recordings, self.velocities, pressure, self.effort, **given)
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
-        intervals = widened_intervals(found, model, recordings, self.velocities, pressure, **given)
         steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE, shift_n)
-        around = [share * found.parameters.value("viscous_n_s_m") for share in (1.0 - LEAST_SHARE, 1.0 + LEAST_SHARE)]
-        intervals["viscous_n_s_m"] = _holding(steady["viscous_n_s_m"], *around)
-        if pressure is None and np.isfinite(steady["coulomb_n"][1]):  # With pressure, it is that at zero gauge pressure
+        intervals = found.intervals | {"viscous_n_s_m": steady["viscous_n_s_m"]}
+        for name, (lower, upper) in intervals.items():
+            value = found.parameters.value(name)
+            intervals[name] = _holding((lower, upper), (1.0 - LEAST_SHARE) * value, (1.0 + LEAST_SHARE) * value)
+            if pressure is None and name in STEADY:  # With pressure, steady sliding shows other quantities
+                (lower, upper), other = intervals[name], getattr(found.curve, name) / value
+                intervals[name] = _holding((lower, upper), other * lower, other * upper)
+        if pressure is None and np.isfinite(steady["coulomb_n"][1]):
             intervals["coulomb_n"] = _holding(steady["coulomb_n"], *intervals["coulomb_n"])
         found = replace(found, intervals=intervals)
-        conditions = {each.metadata.condition for each in recordings}
-        slow = any(not each.slow for each in self.curves if each.condition in conditions)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
+        slow = any(not each.slow for each in curves)
         parameters = determined(model, found, DAMPING_RATIO, zeros, slow=slow, loss=loss)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
+
+
+def simpler(models: Sequence[IdentifiedModel], simulated: Sequence[tuple[Recording, Mapping[str, Array]]]) -> str:
+    """State it if the plain model describes all recordings as well as the pressure-scaled one; else empty."""
+    plain, scaled = (each.title for each in models)
+    if any(each.found is None for each in models):
+        return ""
+    off_n = [
+        [float(np.abs(lines[title] - each.column("friction_n"))[each.usable()].mean()) for title in (plain, scaled)]
+        for each, lines in simulated
+    ]
+    errors = np.mean(off_n, axis=0).tolist()
+    if errors[0] > AS_GOOD * errors[1]:
+        return ""
+    return (
+        f"{plain} describes all recordings as well ({errors[0]:.1f} N) as {scaled} ({errors[1]:.1f} N), with one "
+        "parameter fewer; use its parameters"
+    )
 
 
 def _level_n(recordings: Sequence[Recording]) -> float:
@@ -326,26 +298,3 @@ def _holding(interval: tuple[float, float], lower: float, upper: float) -> tuple
 
 def _unidentified(model: LuGre, recordings: Sequence[Recording], problem: str) -> IdentifiedModel:
     return IdentifiedModel(model.name, model.title, tuple(recording.name for recording in recordings), problem)
-
-
-def _write(folder: Path, result: FrictionModels, search: ModelSearch, cylinder: Cylinder) -> None:
-    known = [model for model in result.models if model.found is not None]
-    for model in known:
-        write_text(folder / f"{model.name}.mo", modelica_record(model, cylinder, CONFIDENCE))
-        write_text(folder / f"{model.name}.m", matlab_script(model, cylinder, CONFIDENCE))
-    simulated = [
-        (recording, {model.title: search.simulated(model, recording) for model in known})
-        for recording in search.recordings
-    ]
-    page = identification_page(
-        result.curves,
-        result.models,
-        simulated,
-        CONFIDENCE,
-        offsets=result.offsets,
-        refused=result.refused,
-        guessed=result.guessed,
-        remarks=[each for each in (result.simpler, result.loss, result.zeros) if each],
-    )
-    write_text(folder / PAGE_FILE, page)
-    write_json(folder / MODELS_FILE, result.to_dict())

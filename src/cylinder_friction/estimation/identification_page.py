@@ -1,14 +1,16 @@
 """Write the page of an identification: Stribeck curve, parameters with intervals, models compared with the label."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimation.identified_model import IdentifiedCurve, IdentifiedModel, IdentifiedParameter
-from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.recordings.conversion import Quarantined
+from cylinder_friction.estimation.identified_model import (
+    CONFIDENCE,
+    FrictionModels,
+    IdentifiedCurve,
+    IdentifiedParameter,
+)
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table, offset_table
 from cylinder_friction.reporting.page import (
@@ -34,39 +36,26 @@ NOT_DETERMINED = "not determined"
 TIP = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
 
 
-def identification_page(
-    curves: Sequence[IdentifiedCurve],
-    models: Sequence[IdentifiedModel],
-    simulated: Sequence[tuple[Recording, Mapping[str, Array]]],
-    confidence: float,
-    *,
-    offsets: Sequence[KnownOffset],
-    refused: Sequence[Quarantined],
-    guessed: Mapping[str, Any] | None,
-    remarks: Sequence[str],
-) -> str:
+def identification_page(result: FrictionModels, simulated: Sequence[tuple[Recording, Mapping[str, Array]]]) -> str:
     """Make the page; equal input gives equal text.
 
     ``simulated`` holds every labelled recording with the friction of each identified model by title [N].
     """
-    drawn = simulated[:PLOTTED]
+    curves, models, drawn = result.curves, result.models, simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
     return page_html(
         "templates/identification.html.j2",
         title="Friction models",
-        percent=f"{100.0 * confidence:g}",
+        percent=f"{100.0 * CONFIDENCE:g}",
         stribeck=_stribeck_figure(curves),
-        conditions=[
-            (_named(each, curves), each.curve is not None, each.reasons, _point_table(each)) for each in curves
-        ],
+        conditions=[(_named(each, curves), each, _point_table(each)) for each in curves],
         models=[(model, None if model.found is None else _parameter_table(model.parameters)) for model in models],
         errors=_error_table(simulated, titles) if titles else None,
         panes=[(f"recording-{n}", each.name, _over_time(each, lines)) for n, (each, lines) in enumerate(drawn, 1)],
         left_out=len(simulated) - len(drawn),
-        offsets=offset_table(offsets) if offsets else None,
-        refused=refused,
-        remarks=remarks,
-        guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
+        offsets=offset_table(result.offsets) if result.offsets else None,
+        result=result,
+        guessed=None if result.guessed is None else (result.guessed["from"], guess_table(result.guessed)),
     )
 
 

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
@@ -24,6 +26,8 @@ from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.friction_models.parameters import ParameterSpec
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
+from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.recordings.conversion import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows
 from cylinder_friction.wording import four_digits, with_unit
@@ -57,6 +61,21 @@ MATLAB_VARIABLE = "friction"
 SIGNS = (
     "F [N] opposes positive velocity v [m/s] when positive; extension is positive.",
     "p [Pa] is the sum of both gauge pressures, at least 0.",
+)
+CONFIDENCE = 0.95
+FITS_ALIKE, LEAST_SHARE = 0.01, 0.02
+"""A velocity fits as well as the best one if its error is greater by at most the first share of mean |friction|. Least
+half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
+INTERVALS_OF_PARAMETERS = (
+    f"{INTERVAL_METHOD}, with the shift that the sensors' zeros or an identified load may cause; widened to hold what "
+    "steady sliding alone gives, and what is identified with every velocity whose error exceeds the least by at most "
+    f"{100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} % either way at least; that of viscous "
+    "friction from steady sliding alone, beside dry friction that changes with speed and pressure, which also widens "
+    "that of plain Coulomb friction; a Stribeck curve's numbers draw the line through its points, and have none"
+)
+INTERVALS_OF_POINTS = (
+    "Student's t over the medians of strokes, with the shift that the sensors' zeros or an identified load may cause; "
+    "none for a single stroke, or if nothing is known of the zeros"
 )
 WIDEST = 4.0
 """Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
@@ -208,6 +227,36 @@ class IdentifiedModel:
             "mean_absolute_error_n": self.found.error_n,
             "error_percent": self.found.error_percent,
             "parameters": {each.name: {k: v for k, v in vars(each).items() if k != "name"} for each in self.parameters},
+        }
+
+
+@dataclass(frozen=True)
+class FrictionModels:
+    """Curves and models that were identified from logs."""
+
+    folder: Path  # Folder of the files
+    recordings: tuple[str, ...]  # Names of the recordings
+    curves: tuple[IdentifiedCurve, ...]  # One per condition
+    models: tuple[IdentifiedModel, ...]  # LuGre, plain and pressure-scaled
+    refused: list[Quarantined] = field(default_factory=list)
+    offsets: list[KnownOffset] = field(default_factory=list)
+    guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
+    loss: str = ""  # As in ``FrictionOfLogs``
+    simpler: str = ""  # A sentence if the model with fewer parameters describes all recordings as well; else empty
+    zeros: str = ""  # What to do if zeros, or a load, leave parameters without a number; else empty
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values; unknown values are None."""
+        return {
+            "confidence": CONFIDENCE,
+            "intervals_of_points": INTERVALS_OF_POINTS,
+            "intervals_of_parameters": INTERVALS_OF_PARAMETERS,
+            "recordings": list(self.recordings),
+            "stribeck": {each.condition: each.to_dict() for each in self.curves},
+            "models": {each.name: each.to_dict() for each in self.models},
+            "offsets": {each.session: each.value for each in self.offsets},
+            "refused": [asdict(each) for each in self.refused],
+            **{name: getattr(self, name) for name in ("guessed", "loss", "simpler", "zeros")},
         }
 
 

@@ -25,6 +25,7 @@ decides which minimum is lower."""
 
 _GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 
+ALIKE_EVALUATIONS = 400
 PIECE_LEAD_S = 0.5
 """Time at the start of a piece that the error ignores, because the model begins the piece in a fresh state [s]."""
 
@@ -79,6 +80,7 @@ def identify(
     dead_band_m_s: float,
     confidence: float,
     offset_n: float = 0.0,
+    alike: float | None = None,
 ) -> Identification:
     """Identify a friction model from labelled recordings.
 
@@ -98,6 +100,9 @@ def identify(
         dead_band_m_s: Speed in the labels below which the piston counts as standing [m/s].
         confidence: Probability of the confidence intervals.
         offset_n: Standard uncertainty of an offset in all friction, as sensors' zeros cause [N].
+        alike: Intervals also contain what is identified with each other velocity whose error exceeds the least by at
+            most this share of mean |friction|: filter and gate bias parameters by more than noise scatters them. None:
+            they do not.
 
     Raises:
         ValueError: The model needs a pressure but gets none, or the reverse; or steady sliding gives too few points.
@@ -127,13 +132,23 @@ def identify(
     point, history = _search(offered[chosen], polished, coordinates, looks, effort)
     parameters = coordinates.parameters(point)
     names = tuple(spec.name for spec in model.searched)
+    intervals = confidence_intervals(everything, parameters, names, confidence, offset_n)
+    error_n = everything.error_of(parameters.packed())
+    others = () if alike is None else tqdm(velocities, f"intervals {model.title}", unit="velocity", disable=None)
+    for name in others:
+        motions = motions_of(recordings, name)
+        end = search_locally(motions, coordinates, point, ALIKE_EVALUATIONS)
+        if motions.error_of(coordinates.values(end)) <= error_n + (alike or 0.0) * everything.mean_friction_n:
+            other = coordinates.parameters(end)
+            for key, (lower, upper) in intervals.items():
+                intervals[key] = min(lower, other.value(key)), max(upper, other.value(key))
     return Identification(
         parameters=parameters,
         velocity=chosen,
-        intervals=confidence_intervals(everything, parameters, names, confidence, offset_n),
+        intervals=intervals,
         points=tuple(points),
         curve=curve,
-        error_n=everything.error_of(parameters.packed()),
+        error_n=error_n,
         mean_friction_n=everything.mean_friction_n,
         history=tuple(history),
     )

@@ -1,19 +1,14 @@
-"""Intervals of identified parameters: candidate velocities, steady sliding, and sessions whose zeros differ."""
+"""What identification needs of logs: candidate velocities without delay, and what steady sliding shows by itself."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.friction_models.identification.procedure import Identification
-from cylinder_friction.friction_models.identification.search import Coordinates, search_locally
-from cylinder_friction.friction_models.identification.simulation import Motion, Motions
-from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.labelling.apparent_loss import STRIBECK_SPEEDS_M_S
 from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks, sliding_blocks
@@ -27,12 +22,6 @@ NOISE_MULTIPLE = 4.0
 """The piston counts as at rest below this many standard deviations of the velocity's noise."""
 BACKLASH_MULTIPLE = 8.0
 """Half-width of the backlash, in standard deviations of the mean position over the window."""
-FITS_ALIKE = 0.01
-"""A velocity fits as well as the best one if its error is greater by at most this share of mean |friction|."""
-LEAST_SHARE = 0.02
-"""Least half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
-EVALUATIONS = 400
-STEADY = {"coulomb_n", "retract_ratio"}  # Parameters that steady sliding also determines
 NO_FALL_M_S = 1e-4
 """A Stribeck velocity so low that dry friction does not fall at the speeds of steady sliding."""
 ALIKE = 1.05
@@ -79,49 +68,6 @@ def velocities_on_offer(noise_m: float, sample_time_s: float) -> dict[str, Calla
         offered[f"{words}, zero below {1e3 * dead_band_m_s:.2g} mm/s"] = slope(window, 0.0, dead_band_m_s)
         offered[f"{words}, zero within a backlash of {1e6 * backlash_m:.3g} µm"] = slope(window, backlash_m, 0.0)
     return offered
-
-
-def widened_intervals(
-    found: Identification,
-    model: FrictionModel,
-    recordings: Sequence[Recording],
-    velocities: Mapping[str, Callable[[Recording], Array]],
-    pressure: Callable[[Recording], Array] | None,
-    *,
-    mass_kg: float,
-    damping_ratio: float,
-) -> dict[str, tuple[float, float]]:
-    """Widen intervals to contain the results of steady sliding and of all equally good velocities, and by 2 % at least.
-
-    A filter and a gate at standstill bias parameters, bristle stiffness above all, by more than noise scatters them. A
-    local search therefore starts from the best parameters with each velocity. If friction follows another law, all rows
-    and steady sliding give different parameters; the interval contains both results with their uncertainties. With dry
-    friction that grows with pressure, steady sliding shows other quantities. Arguments: see ``identify``.
-    """
-    values = {name: found.parameters.value(name) for name in found.intervals}
-    intervals = {
-        name: (min(lower, values[name] * (1.0 - LEAST_SHARE)), max(upper, values[name] * (1.0 + LEAST_SHARE)))
-        for name, (lower, upper) in found.intervals.items()
-    }
-    pressures = [np.zeros(len(each)) if pressure is None else pressure(each) for each in recordings]
-    for velocity in tqdm(velocities.values(), desc=f"intervals {model.title}", unit="velocity", disable=None):
-        moving = [
-            Motion(velocity(each), pressure_pa, each.column("friction_n"), each.usable())
-            for each, pressure_pa in zip(recordings, pressures, strict=True)
-        ]
-        motions = Motions.of(moving, recordings[0].sample_time_s, model)
-        reference_pa = 0.0 if pressure is None else motions.reference_pressure_pa
-        coordinates = Coordinates.around(model, found.curve, mass_kg, damping_ratio, reference_pa)
-        end = search_locally(motions, coordinates, coordinates.point(found.parameters), EVALUATIONS)
-        if motions.error_of(coordinates.values(end)) > found.error_n + FITS_ALIKE * found.mean_friction_n:
-            continue
-        parameters = coordinates.parameters(end)
-        for name, (lower, upper) in intervals.items():
-            intervals[name] = min(lower, parameters.value(name)), max(upper, parameters.value(name))
-    for name in STEADY & intervals.keys() if pressure is None else ():
-        (lower, upper), other = intervals[name], getattr(found.curve, name) / values[name]
-        intervals[name] = min(lower, other * lower), max(upper, other * upper)
-    return intervals
 
 
 def steady_intervals(
