@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -21,15 +23,18 @@ from friction_samples import ODD
 
 NAME = 'the "left" one \\ 63x28'
 CYLINDER = Cylinder(name=NAME, bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+KNOWN = Zeros(0.0)
 STRING = r'"(?:[^"\\\n]|\\["\\])*"'
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?"
 COMPONENT = re.compile(rf"  parameter Real (\w+)\(unit = {STRING}\)(?: = ({NUMBER}))? {STRING};")
 ASSIGNMENT = re.compile(rf"friction\.([a-z]\w*) = ({NUMBER}|NaN); % \[[^\]]+\] .+")
 
 
-def identified(pressure_scaled: bool, factor: float = 1.05) -> IdentifiedModel:
+def identified(
+    pressure_scaled: bool, factor: float = 1.05, zeros: Zeros = KNOWN, slow: bool = True, **values: float
+) -> IdentifiedModel:
     """Return a model whose intervals reach a factor to either side."""
-    model, parameters = LuGre(pressure_scaled), ODD["lugre"]
+    model, parameters = LuGre(pressure_scaled), replace(ODD["lugre"], **values)
     intervals = {
         spec.name: (parameters.value(spec.name) / factor, parameters.value(spec.name) * factor)
         for spec in model.searched
@@ -38,7 +43,7 @@ def identified(pressure_scaled: bool, factor: float = 1.05) -> IdentifiedModel:
     curve = parameters.curve  # type: ignore[attr-defined]
     found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, (5.0,))
     return IdentifiedModel(
-        model.name, model.title, ("a", "b"), "", determined(model, found, 0.5, Zeros(0.0)), "exact", found
+        model.name, model.title, ("a", "b"), "", determined(model, found, 0.5, zeros, slow=slow), "exact", found
     )
 
 
@@ -70,3 +75,18 @@ def test_a_parameter_with_a_wide_interval_has_no_number_and_its_damping_neither(
     notes = {each.name: each.note for each in model.parameters}
     assert notes["coulomb_n"] == "its interval spans more than a factor of 4"
     assert notes["bristle_damping_n_s_m"] == "follows from bristle_stiffness_n_m, which is not determined"
+
+
+def test_the_reason_names_what_is_missing() -> None:
+    at_limits = {
+        each.name: each.note for each in identified(False, bristle_stiffness_n_m=9.7e7, retract_ratio=0.41).parameters
+    }
+    assert at_limits["bristle_stiffness_n_m"] == "its interval ends at a limit of the search, 100000 to 100000000 N/m"
+    assert at_limits["retract_ratio"] == "its interval ends at a limit of the search, 0.4 to 2.5"
+    zeros = Zeros(math.inf, "the sensors' zeros are not stated")
+    notes = {each.name: each.note for each in identified(True, zeros=zeros, slow=False).parameters}
+    for name in ("coulomb_n", "retract_ratio", "pressure_slope_n_pa"):
+        assert notes[name] == "the sensors' zeros are not stated"
+    for name in ("static_n", "stribeck_velocity_m_s", "stribeck_exponent"):
+        assert notes[name] == "no steady sliding is slow enough to show it"
+    assert notes["viscous_n_s_m"] == ""

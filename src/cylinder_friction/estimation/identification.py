@@ -250,7 +250,8 @@ class ModelSearch:
         intervals = found.intervals | {"viscous_n_s_m": steady["viscous_n_s_m"]}
         for name, (lower, upper) in intervals.items():
             value = found.parameters.value(name)
-            intervals[name] = _holding((lower, upper), (1.0 - LEAST_SHARE) * value, (1.0 + LEAST_SHARE) * value)
+            least = max(LEAST_SHARE * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
+            intervals[name] = _holding((lower, upper), value - least, value + least)
             if pressure is None and name in STEADY:  # With pressure, steady sliding shows other quantities
                 (lower, upper), other = intervals[name], getattr(found.curve, name) / value
                 intervals[name] = _holding((lower, upper), other * lower, other * upper)
