@@ -57,7 +57,6 @@ from cylinder_friction.signals.smooth_signals import has_pressures
 
 MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
 DAMPING_RATIO = 0.5
-STEADY = ("coulomb_n", "retract_ratio")  # Parameters that steady sliding also determines
 POPULATION, GENERATIONS = 10, 50
 AS_GOOD = 1.05
 """Largest ratio of the plain model's error to the pressure-scaled one's at which the plain model is as good."""
@@ -252,11 +251,11 @@ class ModelSearch:
             value = found.parameters.value(name)
             least = max(LEAST_SHARE * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
             intervals[name] = _holding((lower, upper), value - least, value + least)
-            if pressure is None and name in STEADY:  # With pressure, steady sliding shows other quantities
-                (lower, upper), other = intervals[name], getattr(found.curve, name) / value
-                intervals[name] = _holding((lower, upper), other * lower, other * upper)
-        if pressure is None and np.isfinite(steady["coulomb_n"][1]):
+        if pressure is None:  # With pressure, steady sliding shows other quantities
             intervals["coulomb_n"] = _holding(steady["coulomb_n"], *intervals["coulomb_n"])
+            share = found.curve.retract_ratio / found.parameters.value("retract_ratio")
+            other = [share * limit for limit in intervals["retract_ratio"]]
+            intervals["retract_ratio"] = _holding(intervals["retract_ratio"], *other)
         found = replace(found, intervals=intervals)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
         slow = any(not each.slow for each in curves)
