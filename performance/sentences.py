@@ -319,8 +319,13 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
         lambda m, made, _: holds((float(m[2]), float(m[3])), made.parameter(m[1])),
     ),
     (
+        "estimation/identification.py ZEROS",
+        r"^zeros +state the sensors' zeros",
+        lambda *_: True,  # Advice
+    ),
+    (
         "estimation/identified_model.py, no number",
-        r"^  \w+ +not determined: |: not identified: ",
+        r"^  \w+ +not determined: |: not identified: |points of steady sliding, no curve: ",
         lambda *_: True,  # What has no number claims nothing
     ),
 )
