@@ -320,7 +320,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identification.py ZEROS",
-        r"^zeros +state the sensors' zeros",
+        r"^zeros +(?:state the sensors' zeros|weigh the load)",
         lambda *_: True,  # Advice
     ),
     (

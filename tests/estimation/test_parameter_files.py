@@ -78,15 +78,12 @@ def test_a_parameter_with_a_wide_interval_has_no_number_and_its_damping_neither(
 
 
 def test_the_reason_names_what_is_missing() -> None:
-    at_limits = {
-        each.name: each.note for each in identified(False, bristle_stiffness_n_m=9.7e7, retract_ratio=0.41).parameters
-    }
-    assert at_limits["bristle_stiffness_n_m"] == "its interval ends at a limit of the search, 100000 to 100000000 N/m"
-    assert at_limits["retract_ratio"] == "its interval ends at a limit of the search, 0.4 to 2.5"
-    zeros = Zeros(math.inf, "the sensors' zeros are not stated")
-    notes = {each.name: each.note for each in identified(True, zeros=zeros, slow=False).parameters}
-    for name in ("coulomb_n", "retract_ratio", "pressure_slope_n_pa"):
-        assert notes[name] == "the sensors' zeros are not stated"
-    for name in ("static_n", "stribeck_velocity_m_s", "stribeck_exponent"):
-        assert notes[name] == "no steady sliding is slow enough to show it"
+    at_limits = identified(False, bristle_stiffness_n_m=9.7e7, retract_ratio=0.41)
+    notes = {each.name: each.note.removeprefix("its interval ends at a limit of ") for each in at_limits.parameters}
+    assert notes["bristle_stiffness_n_m"] == "the search, 100000 to 100000000 N/m"
+    assert notes["retract_ratio"] == "the search, 0.4 to 2.5"
+    unknown = identified(True, zeros=Zeros(math.inf, "zeros are not stated"), slow=False)
+    notes = {each.name: each.note for each in unknown.parameters}
+    assert {notes[name] for name in ("coulomb_n", "retract_ratio", "pressure_slope_n_pa")} == {"zeros are not stated"}
+    assert notes["static_n"] == notes["stribeck_exponent"] == "no steady sliding is slow enough to show it"
     assert notes["viscous_n_s_m"] == ""

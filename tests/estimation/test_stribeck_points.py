@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.identified_model import IdentifiedCurve, StribeckPoint, Zeros, stribeck_points
+from cylinder_friction.estimation.identification import ModelSearch
+from cylinder_friction.estimation.identified_model import IdentifiedCurve, Zeros, stribeck_points
 from cylinder_friction.estimation.steady_intervals import scatter_of_sessions
 from cylinder_friction.friction_models.stribeck import StribeckCurve
+from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 STROKE_ROWS, FRICTION_N = 200, 300.0
@@ -29,29 +33,14 @@ def strokes(speeds_m_s: list[float], offsets_n: np.ndarray, curve: StribeckCurve
     return Recording(RecordingMetadata("r", "1", "s", 0.005), table)
 
 
-def extending(points: tuple[StribeckPoint, ...]) -> StribeckPoint:
-    return next(point for point in points if point.velocity_m_s > 0.0)
-
-
 @pytest.mark.extended
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     generator, held, repeats = np.random.default_rng(0), 0, 200
     for _ in range(repeats):
-        point = extending(stribeck_points([strokes([0.05] * 5, generator.normal(0.0, 20.0, 10))], 1e-3, 0.95))
+        *_, point = stribeck_points([strokes([0.05] * 5, generator.normal(0.0, 20.0, 10))], 1e-3, 0.95)
         assert point.strokes == 5
         held += abs(point.friction_n - FRICTION_N) <= point.half_width_n
     assert 0.9 < held / repeats <= 0.99
-
-
-def test_an_interval_is_no_narrower_for_more_rows_of_the_same_strokes() -> None:
-    offsets_n = np.array([-15.0, 0.0, 5.0, 0.0, 25.0, 0.0, 10.0, 0.0])
-    recording = strokes([0.05] * 4, offsets_n)
-    twice = Recording(
-        recording.metadata, recording.table.loc[np.repeat(recording.table.index, 2)].reset_index(drop=True)
-    )
-    one, other = (extending(stribeck_points([each], 1e-3, 0.95)) for each in (recording, twice))
-    assert other.rows > 1.8 * one.rows
-    assert other.half_width_n == pytest.approx(one.half_width_n, rel=0.05)
 
 
 def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:
@@ -69,9 +58,10 @@ def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:
 def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_has() -> None:
     speeds, curve = np.geomspace(7e-3, 0.1, 9).tolist(), StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
     sessions = []
-    for number, zero_n in enumerate((-12.0, 0.0, 12.0)):
+    for name, zero_n in (("a", -12.0), ("b", 0.0), ("c", 12.0)):
         own = strokes(speeds, np.full(18, zero_n), curve)
-        sessions.append(replace(own, metadata=replace(own.metadata, session=f"s{number}")))
+        noisy_m = own.column("position_m") + np.random.default_rng(0).normal(0.0, 3e-5, len(own))
+        sessions.append(replace(own.with_columns(position_m=noisy_m), metadata=replace(own.metadata, session=name)))
     one = IdentifiedCurve.through(
         sessions[:1], stribeck_points(sessions[:1], 5e-4, 0.95), Zeros(np.inf, "zeros are not stated"), None
     )
@@ -81,3 +71,14 @@ def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_
     assert scatter_of_sessions(sessions[:1], CYLINDER, 0.95) == np.inf
     # Standard deviation 12 N, over the root of 3 sessions; Student's t with 2 degrees of freedom
     assert scatter_of_sessions(sessions, CYLINDER, 0.95) == pytest.approx(4.303 * 12.0 / 3.0**0.5, rel=0.02)
+    for load, pattern, load_n, advice in (
+        ("none", None, 0.0, "state the sensors' zeros"),  # Files that may be of one session
+        ("none", "(?P<session>.*)", 0.0, ""),
+        ("position", None, 200.0, "weigh the load (--load NEWTONS)"),
+    ):
+        run: Any = SimpleNamespace(cylinder=CYLINDER, loss=None, load_uncertainty_n=load_n)
+        run.offsets = {name: KnownOffset(name, "nothing", "") for name in "abc"}
+        run.logs = SimpleNamespace(recipe=SimpleNamespace(names=SimpleNamespace(pattern=pattern)))
+        run.friction = SimpleNamespace(labeller=SimpleNamespace(load=load))
+        found = ModelSearch(sessions, run, generations=1, seed=0).zeros
+        assert found.startswith(advice) if advice else not found

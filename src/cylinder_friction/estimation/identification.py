@@ -70,6 +70,7 @@ ZEROS = (
     "state the sensors' zeros (--sensor-class, or sensor.zero_uncertainty in the mapping), or give several sessions of "
     "each condition (--names), between which the sensors were zeroed"
 )
+LOAD = "weigh the load (--load NEWTONS) or map a load cell; strokes do not tell it from asymmetric friction"
 
 
 def identify_logs(
@@ -183,8 +184,9 @@ class ModelSearch:
 
     @property
     def zeros(self) -> str:
-        """State what to do if zeros leave parameters of a condition without a number; else empty."""
-        return ZEROS if any(self._zeros(self._of(each.condition)).why_not for each in self.curves) else ""
+        """State what to do if zeros or load leave parameters of a condition without a number; else empty."""
+        unknown = any(self._zeros(self._of(each.condition)).why_not for each in self.curves)
+        return (LOAD if self.run.friction.labeller.load == "position" else ZEROS) if unknown else ""
 
     def plain(self) -> IdentifiedModel:
         return self._identified(LuGre(), self._of(condition_of_smallest_friction(self.recordings)))
@@ -225,7 +227,9 @@ class ModelSearch:
         if half_n <= LARGE * _level_n(recordings):
             return Zeros(half_n)
         unknown = "the sensors' zeros are not stated, and one session does not show them"
-        return Zeros(half_n, unknown if math.isinf(half_n) else f"zeros or load may shift friction by ± {half_n:.0f} N")
+        return Zeros(
+            half_n, unknown if math.isinf(half_n) else f"zeros and load may shift friction by ± {half_n:.0f} N"
+        )
 
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]
