@@ -1,4 +1,4 @@
-"""Viscous friction has a narrow interval that holds it, or a wide one where pressure changed along with speed."""
+"""Viscous friction is told from pressure that changes along with speed; candidate velocities follow strokes and rest."""
 
 import numpy as np
 import pandas as pd
@@ -6,7 +6,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identified_model import WIDEST
-from cylinder_friction.estimation.steady_intervals import steady_intervals
+from cylinder_friction.estimation.steady_intervals import steady_intervals, velocities_on_offer
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 STEP_S, VISCOUS_N_S_M = 0.005, 1500.0
@@ -40,3 +40,16 @@ def test_viscous_friction_is_told_from_pressure(
         assert not known or np.mean([each[name][0] <= value <= each[name][1] for each in found]) >= 0.9, name
     still = strokes(0.0, 0.0, 0).with_columns(velocity_m_s=np.zeros(len(SPEEDS_M_S) * 2))
     assert steady_intervals([still], cylinder, 0.95)["coulomb_n"] == (-np.inf, np.inf)
+
+
+def test_every_candidate_velocity_is_zero_at_standstill_and_follows_a_stroke() -> None:
+    true, noise_m = np.concatenate([np.zeros(1000), np.full(400, 0.05), np.zeros(1000)]), 3e-5
+    position_m = 0.1 + np.cumsum(true) * STEP_S + np.random.default_rng(1).normal(0.0, noise_m, len(true))
+    table = pd.DataFrame({"time_s": STEP_S * np.arange(len(true)), "position_m": position_m, "drive_force_n": 0.0})
+    measured = Recording(RecordingMetadata("r", "1", "s", STEP_S), table)
+    offered = velocities_on_offer(noise_m, STEP_S)
+    assert len(offered) == 8
+    for words, velocity in offered.items():
+        found = velocity(measured)
+        assert np.mean(found[100:900] == 0.0) > 0.98, words
+        assert found[1100:1300].mean() == pytest.approx(0.05, rel=0.01), words
