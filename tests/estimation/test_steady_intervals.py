@@ -1,4 +1,4 @@
-"""Viscous friction is told from pressure that changes along with speed; candidate velocities follow strokes and rest."""
+"""Viscous friction is told from pressure that changes with speed; candidate velocities follow strokes and rest."""
 
 import numpy as np
 import pandas as pd
