@@ -305,7 +305,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "evaluation/inspection/sliding_friction.py",
-        r"mean while sliding (-?[\d.]+) ± ([\d.]+) N extending, (-?[\d.]+) ± ([\d.]+) N retracting \(95 %\)",
+        r"mean of all sliding rows: (-?[\d.]+) ± ([\d.]+) N extending, (-?[\d.]+) ± ([\d.]+) N retracting \(95 %\)",
         lambda m, made, name: made.beside or made.mean_holds(name, tuple(map(float, m.groups()))),
     ),
     (

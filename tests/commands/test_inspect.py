@@ -205,7 +205,7 @@ def test_inspect_prints_the_checks_and_writes_the_page(
 ) -> None:
     assert main(["inspect", str(write(workplace / "logs", log)), "ingest=rig", "--output", "page.html"]) == 0
     told = capsys.readouterr().out
-    assert told.startswith("condition1_session01_recording01.csv: usable for labelling; friction 334 N, both ways at")
+    assert told.startswith("condition1_session01_recording01.csv: usable for labelling; friction 334 N (half of")
     assert "  ok  " not in told, "what is in order is on the page"
     assert told.endswith("\n\n1 file: 1 ok\n\npage     page.html\n")
     assert "condition1_session01" in (workplace / "page.html").read_text(encoding="utf-8")

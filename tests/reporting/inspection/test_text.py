@@ -12,10 +12,10 @@ UNIT = Finding("unit", "refused", "position_m is 251 m in row 5")
 
 
 def test_one_line_a_file_and_what_is_not_in_order() -> None:
-    friction = Finding("friction", "ok", "friction 302 N, both ways at equal position")
+    friction = Finding("friction", "ok", "friction 302 N (half of extending less retracting at equal positions)")
     files = [Inspected("a.csv", [friction, RATE]), Inspected("b.csv", [RATE, SPIKES]), Inspected("c.csv", [UNIT])]
     assert text_report(files) == (
-        "a.csv: usable for labelling; friction 302 N, both ways at equal position\n"
+        "a.csv: usable for labelling; friction 302 N (half of extending less retracting at equal positions)\n"
         "b.csv: usable with these repairs\n"
         "  repaired  spikes  pressure_1_pa: 3 spikes taken out\n"
         "c.csv: not usable\n"

@@ -89,8 +89,9 @@ def friction_finding(
         )
         return Finding("friction", "refused", f"the force is not friction alone: {held}; {remedy}")
     interval = "95 %" if view.has_interval else "no interval: the sensors' accuracy is not stated"
-    text = f"mean while sliding {text} ({interval})"
+    text = f"mean of all sliding rows: {text} ({interval})"
     if view.unknown:
         return Finding("friction", "noted", f"friction unknown: {view.unknown}; {text}, in which a load would not show")
-    once = "both ways at equal position (each position counts once; in the mean, each row)"
-    return Finding("friction", "ok", f"friction {half_n:.0f} N, {once}; {text}")
+    return Finding(
+        "friction", "ok", f"friction {half_n:.0f} N (half of extending less retracting at equal positions); {text}"
+    )
