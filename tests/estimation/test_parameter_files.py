@@ -54,14 +54,14 @@ def values_of(model: IdentifiedModel) -> dict[str, object]:
 @pytest.mark.parametrize("pressure_scaled", [False, True])
 def test_record_and_script_hold_every_parameter_and_comments(pressure_scaled: bool) -> None:
     model = identified(pressure_scaled)
-    first, *body, last, end = modelica_record(model, CYLINDER, 0.95).split("\n")
+    first, *body, last, end = modelica_record(model, CYLINDER).split("\n")
     assert re.fullmatch(rf"record {model.name} {STRING}", first)
     assert (last, end) == (f"end {model.name};", "")
     components = [COMPONENT.fullmatch(line) for line in body if not line.startswith("  // ")]
     assert None not in components
     assert {found[1]: float(found[2]) for found in components if found is not None} == values_of(model)
     assert ("pressure_slope_n_pa" in values_of(model)) == pressure_scaled
-    lines = matlab_script(model, CYLINDER, 0.95).splitlines()
+    lines = matlab_script(model, CYLINDER).splitlines()
     assigned = [ASSIGNMENT.fullmatch(line) for line in lines if not line.startswith("% ")]
     assert {found[1]: float(found[2]) for found in assigned if found is not None} == values_of(model)
     assert any("dz/dt" in line for line in lines)
@@ -70,7 +70,7 @@ def test_record_and_script_hold_every_parameter_and_comments(pressure_scaled: bo
 def test_a_parameter_with_a_wide_interval_has_no_number_and_its_damping_neither() -> None:
     model = identified(False, factor=2.5)
     assert all(each.value is None for each in model.parameters)
-    components = [COMPONENT.fullmatch(line) for line in modelica_record(model, CYLINDER, 0.95).splitlines()]
+    components = [COMPONENT.fullmatch(line) for line in modelica_record(model, CYLINDER).splitlines()]
     assert [found[2] for found in components if found is not None] == [None] * len(model.parameters)
     notes = {each.name: each.note for each in model.parameters}
     assert notes["coulomb_n"] == "its interval spans more than a factor of 4"

@@ -41,6 +41,6 @@ def _lines(result: FrictionModels) -> list[str]:
 
 def _line(each: IdentifiedParameter) -> str:
     if each.value is None:
-        return f"  {each.name:<22} not determined: {each.note}"
+        return f"  {each.name:<22} {each.remark}"
     limits = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
     return f"  {each.name:<22} {each.value:<10.4g} {with_unit('', each.unit).strip():<6} {limits or each.note}"

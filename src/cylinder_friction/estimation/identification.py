@@ -150,8 +150,8 @@ def identify_logs(
         )
         for model in models:
             if model.found is not None:
-                write_text(folder / f"{model.name}.mo", modelica_record(model, cylinder, CONFIDENCE))
-                write_text(folder / f"{model.name}.m", matlab_script(model, cylinder, CONFIDENCE))
+                write_text(folder / f"{model.name}.mo", modelica_record(model, cylinder))
+                write_text(folder / f"{model.name}.m", matlab_script(model, cylinder))
         write_text(folder / PAGE_FILE, identification_page(result, simulated))
         write_json(folder / MODELS_FILE, result.to_dict())
     return result

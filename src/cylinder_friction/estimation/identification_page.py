@@ -7,6 +7,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimation.identified_model import (
     CONFIDENCE,
+    INTERVALS,
     FrictionModels,
     IdentifiedCurve,
     IdentifiedParameter,
@@ -32,7 +33,6 @@ CURVE_POINTS = 200
 HEADROOM = 1.25
 """Height of the curve's figure over its greatest friction. Wide intervals of few strokes are cut off there."""
 COLOURS = (ORANGE, BLUE)
-NOT_DETERMINED = "not determined"
 TIP = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
 
 
@@ -47,6 +47,7 @@ def identification_page(result: FrictionModels, simulated: Sequence[tuple[Record
         "templates/identification.html.j2",
         title="Friction models",
         percent=f"{100.0 * CONFIDENCE:g}",
+        intervals=INTERVALS[0].upper() + INTERVALS[1:],
         stribeck=_stribeck_figure(curves),
         conditions=[(_named(each, curves), each, _point_table(each)) for each in curves],
         models=[(model, None if model.found is None else _parameter_table(model.parameters)) for model in models],
@@ -125,8 +126,9 @@ def _parameter_table(parameters: Sequence[IdentifiedParameter]) -> Table:
     for each in parameters:
         value = Cell("–", style="none") if each.value is None else four_digits(each.value)
         interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
-        remark = Cell(f"{NOT_DETERMINED}: {each.note}" if each.value is None else each.note, style="words")
-        rows.append([Cell(each.meaning, small=each.symbol), value, interval, with_unit("", each.unit).strip(), remark])
+        rows.append(
+            [Cell(each.meaning, small=each.symbol), value, interval, with_unit("", each.unit).strip(), each.remark]
+        )
     return Table(("parameter", "value", "interval", "unit", "remark"), rows, words=(3, 4), style="stacked")
 
 

@@ -14,7 +14,6 @@ from typing import Any, Self
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
@@ -66,16 +65,9 @@ CONFIDENCE = 0.95
 FITS_ALIKE, LEAST_SHARE = 0.01, 0.02
 """A velocity fits as well as the best one if its error is greater by at most the first share of mean |friction|. Least
 half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
-INTERVALS_OF_PARAMETERS = (
-    f"{INTERVAL_METHOD}, with the shift that the sensors' zeros or an identified load may cause; widened to hold what "
-    "steady sliding alone gives, and what is identified with every velocity whose error exceeds the least by at most "
-    f"{100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} % either way at least; that of viscous "
-    "friction from steady sliding alone, beside dry friction that changes with speed and pressure, which also widens "
-    "that of plain Coulomb friction; a Stribeck curve's numbers draw the line through its points, and have none"
-)
-INTERVALS_OF_POINTS = (
-    "Student's t over the medians of strokes, with the shift that the sensors' zeros or an identified load may cause; "
-    "none for a single stroke, or if nothing is known of the zeros"
+INTERVALS = (
+    f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros may "
+    "shift; errors of the model itself come on top"
 )
 WIDEST = 4.0
 """Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
@@ -117,6 +109,10 @@ class IdentifiedParameter:
     value: float | None  # Value in ``unit``; None if the motion does not determine it
     interval: tuple[float, float] | None  # Confidence interval in ``unit``; None without a value or a search for it
     note: str = ""  # Why there is no value, or where a value comes from that was not searched for
+
+    @property
+    def remark(self) -> str:
+        return self.note if self.value is not None else f"not determined: {self.note}"
 
 
 @dataclass(frozen=True)
@@ -249,8 +245,7 @@ class FrictionModels:
         """Return the content as JSON-compatible values; unknown values are None."""
         return {
             "confidence": CONFIDENCE,
-            "intervals_of_points": INTERVALS_OF_POINTS,
-            "intervals_of_parameters": INTERVALS_OF_PARAMETERS,
+            "intervals": INTERVALS,
             "recordings": list(self.recordings),
             "stribeck": {each.condition: each.to_dict() for each in self.curves},
             "models": {each.name: each.to_dict() for each in self.models},
@@ -315,22 +310,22 @@ def _unknown(spec: ParameterSpec, found: Identification, zeros: Zeros) -> str:
     return f"its interval ends at a limit of the search, {limits}" if at_limit else ""
 
 
-def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
+def modelica_record(model: IdentifiedModel, cylinder: Cylinder) -> str:
     """Write a record with the model's name. A parameter without a number has no default, so that users must set it."""
     origin, *comments = _comments(model, cylinder)
     lines = [f'record {model.name} "{_modelica_text(origin)}"', *(f"  // {line}" for line in comments)]
     for each in model.parameters:
-        value, words = "" if each.value is None else f" = {each.value:.9g}", _modelica_text(_words(each, confidence))
+        value, words = "" if each.value is None else f" = {each.value:.9g}", _modelica_text(_words(each))
         lines.append(f'  parameter Real {each.name}(unit = "{each.unit.replace(" ", ".")}"){value} "{words}";')
     return "\n".join([*lines, f"end {model.name};", ""])
 
 
-def matlab_script(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
+def matlab_script(model: IdentifiedModel, cylinder: Cylinder) -> str:
     """Write a script that defines a structure. Unknown parameters are NaN."""
     lines = [f"% {line}" for line in _comments(model, cylinder)]
     for each in model.parameters:
         value = "NaN" if each.value is None else f"{each.value:.9g}"
-        lines.append(f"{MATLAB_VARIABLE}.{each.name} = {value}; % [{each.unit}] {_words(each, confidence)}")
+        lines.append(f"{MATLAB_VARIABLE}.{each.name} = {value}; % [{each.unit}] {_words(each)}")
     return "\n".join([*lines, ""])
 
 
@@ -344,13 +339,9 @@ def _comments(model: IdentifiedModel, cylinder: Cylinder) -> list[str]:
     return [origin, *model.equation, *(SIGNS if model.pressure_scaled else SIGNS[:1])]
 
 
-def _words(each: IdentifiedParameter, confidence: float) -> str:
-    words = f"{each.symbol}, {each.meaning}; "
-    if each.value is None:
-        return f"{words}not determined: {each.note}"
-    if each.interval is None:
-        return words + each.note
-    return f"{words}{100.0 * confidence:g} % interval {each.interval[0]:.4g} to {each.interval[1]:.4g}"
+def _words(each: IdentifiedParameter) -> str:
+    known = each.interval and "{:g} % interval {:.4g} to {:.4g}".format(100.0 * CONFIDENCE, *each.interval)
+    return f"{each.symbol}, {each.meaning}; {known or each.remark}"
 
 
 def _modelica_text(text: str) -> str:
