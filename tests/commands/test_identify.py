@@ -32,7 +32,7 @@ def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pyte
     assert re.search(r"condition 1: \d+ points .* friction does not rise towards standstill; record slower", printed)
     assert printed.count("towards standstill") == 1
     for name in ("static_n", "stribeck_velocity_m_s", "stribeck_exponent"):
-        assert f"{name:<22} not determined: no steady sliding is slow enough to show it\n" in printed
+        assert f"{name:<22} not determined: steady sliding does not show it\n" in printed
     for name in ("coulomb_n", "retract_ratio"):
         assert f"{name:<22} not determined: the sensors' zeros are not stated, and one session does not" in printed
     assert "zeros    state the sensors' zeros (--sensor-class, or " in printed

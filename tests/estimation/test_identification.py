@@ -87,6 +87,15 @@ def test_the_plain_model_is_named_where_pressure_changes_nothing(tmp_path: Path,
     assert "with one parameter fewer" in result.simpler
 
 
+@pytest.mark.extended
+def test_of_a_single_log_all_speeds_are_searched(tmp_path: Path, cylinder: Cylinder) -> None:
+    write_lugre_log(tmp_path / "r.csv", lugre_to_find(300.0, 0.0), cylinder, SPEEDS_M_S, pressure_2_pa=(8e5, 4e5))
+    result = identify_logs(tmp_path / "r.csv", cylinder, tmp_path / "out", channels=CHANNELS, generations=1)
+    found = model_of(result, "lugre").found
+    assert found is not None
+    assert found.error_percent < 1.0, "a piece of ten seconds shows only some of them"
+
+
 def test_strokes_in_one_direction_give_no_model_but_the_reason(tmp_path: Path, cylinder: Cylinder) -> None:
     longer, said = replace(cylinder, stroke_m=2.0), "while extending alone; record strokes in both directions"
     write_lugre_log(tmp_path / "r.csv", TRUTH, longer, [*np.geomspace(2e-3, 0.1, 20)], (1.0,))

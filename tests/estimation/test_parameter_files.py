@@ -85,5 +85,5 @@ def test_the_reason_names_what_is_missing() -> None:
     unknown = identified(True, zeros=Zeros(math.inf, "zeros are not stated"), slow=False)
     notes = {each.name: each.note for each in unknown.parameters}
     assert {notes[name] for name in ("coulomb_n", "retract_ratio", "pressure_slope_n_pa")} == {"zeros are not stated"}
-    assert notes["static_n"] == notes["stribeck_exponent"] == "no steady sliding is slow enough to show it"
+    assert notes["static_n"] == notes["stribeck_exponent"] == "steady sliding does not show it"
     assert notes["viscous_n_s_m"] == ""

@@ -19,6 +19,7 @@ from cylinder_friction.estimation.identified_model import (
     CONFIDENCE,
     FITS_ALIKE,
     LEAST_SHARE,
+    LEAST_SHARE_OF_STIFFNESS,
     FrictionModels,
     IdentifiedCurve,
     IdentifiedModel,
@@ -63,7 +64,8 @@ AS_GOOD = 1.05
 MOST_ROWS = 1 << 20
 """Most rows used of one log, because memory holds all of them. Of a longer log, evenly spread parts are used."""
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
-"""Recordings and length of their pieces [s] in differential evolution; longest piece in the last local searches [s]."""
+"""Recordings and length of their pieces [s] in differential evolution; longest piece in the last local searches [s].
+Pieces of fewer recordings are longer, so that they show as many speeds."""
 LARGE = 0.25
 """Share of mean |friction| above which the shift by the sensors' zeros is named as the reason for wide intervals."""
 ZEROS = (
@@ -169,9 +171,7 @@ class ModelSearch:
         smooth = slope(window, 0.0, 0.0)
         self.recordings = [recording.with_columns(velocity_m_s=smooth(recording)) for recording in recordings]
         self.velocities = velocities_on_offer(noise_m, sample_time_s)
-        self.effort = SearchEffort(
-            seed, POPULATION, generations, SIMULATED_RECORDINGS, piece_s=PIECE_S, polished_piece_s=POLISHED_PIECE_S
-        )
+        self.effort = SearchEffort(seed, POPULATION, generations, SIMULATED_RECORDINGS)
 
     @cached_property
     def curves(self) -> tuple[IdentifiedCurve, ...]:
@@ -245,15 +245,18 @@ class ModelSearch:
         given: dict[str, Any] = {"mass_kg": self.run.cylinder.moving_mass_kg, "damping_ratio": DAMPING_RATIO}
         given |= {"dead_band_m_s": self.slowest_m_s, "confidence": CONFIDENCE, "alike": FITS_ALIKE}
         given["offset_n"] = shift_n / COVERAGE_FACTOR
+        longer = max(1.0, SIMULATED_RECORDINGS / len(recordings))
+        effort = replace(self.effort, piece_s=longer * PIECE_S, polished_piece_s=longer * POLISHED_PIECE_S)
         try:
-            found = identify(model, recordings, self.velocities, pressure, self.effort, **given)
+            found = identify(model, recordings, self.velocities, pressure, effort, **given)
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
         steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE, shift_n)
         intervals = found.intervals | {"viscous_n_s_m": steady["viscous_n_s_m"]}
         for name, (lower, upper) in intervals.items():
             value = found.parameters.value(name)
-            least = max(LEAST_SHARE * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
+            share = LEAST_SHARE_OF_STIFFNESS if name == "bristle_stiffness_n_m" else LEAST_SHARE
+            least = max(share * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
             intervals[name] = _holding((lower, upper), value - least, value + least)
         if pressure is None:  # With pressure, steady sliding shows other quantities
             intervals["coulomb_n"] = _holding(steady["coulomb_n"], *intervals["coulomb_n"])

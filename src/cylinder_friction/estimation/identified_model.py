@@ -62,9 +62,10 @@ SIGNS = (
     "p [Pa] is the sum of both gauge pressures, at least 0.",
 )
 CONFIDENCE = 0.95
-FITS_ALIKE, LEAST_SHARE = 0.01, 0.02
+FITS_ALIKE, LEAST_SHARE, LEAST_SHARE_OF_STIFFNESS = 0.01, 0.02, 0.1
 """A velocity fits as well as the best one if its error is greater by at most the first share of mean |friction|. Least
-half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
+half-width of an interval, as a share of the value: the bias by smoothing of label and velocity, which makes presliding
+softer than anything else."""
 INTERVALS = (
     f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros may "
     "shift; errors of the model itself come on top"
@@ -79,7 +80,9 @@ UNSEPARATED = (
 )
 SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a shift of all friction changes: it adds while extending and subtracts while retracting."""
-UNSEEN = "no steady sliding is slow enough to show it"
+UNSEEN = "steady sliding does not show it"
+LEAST_SPEEDS = 5
+"""Least number of speeds of steady sliding in one direction: a direction's Stribeck curve has five parameters."""
 BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
 """Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 _AT_THE_EDGE = 0.01
@@ -173,7 +176,9 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
     rise = float(curve.dry_friction(np.array([slowest_m_s]))[0]) / curve.coulomb_n - 1.0
     rises = rise >= LEAST_RISE
     if rises and slowest_m_s <= curve.stribeck_velocity_m_s:  # else static friction is extrapolated
-        return ""
+        speeds = max(sum(way * point.velocity_m_s > 0.0 for point in points) for way in (1.0, -1.0))
+        few = f"{speeds} speeds of steady sliding do not show how friction falls with speed; record strokes at others"
+        return few if speeds < LEAST_SPEEDS else ""
     seen = "still rises towards standstill, how far is not seen" if rises else "does not rise towards standstill"
     return f"at the slowest steady sliding, {1e3 * slowest_m_s:.2g} mm/s, friction {seen}; record slower strokes"
 
