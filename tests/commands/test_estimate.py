@@ -16,6 +16,8 @@ from cylinder_friction.commands.log_options import cylinder_of
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.file import ParamsError
 from cylinder_friction.recordings.recording import Recording
+from friction_samples import PLAIN_LUGRE
+from logger_files import CHANNELS, write_lugre_log
 
 GEOMETRY = "bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0"
 
@@ -137,6 +139,17 @@ def test_a_cylinder_is_stated_as_pairs_or_as_a_file(tmp_path: Path) -> None:
     (tmp_path / "press.yaml").write_text(GEOMETRY.replace("=", ": ").replace(", ", "\n"), encoding="utf-8")
     assert cylinder_of(str(tmp_path / "press.yaml")) == expected
     assert cylinder_of(f"{GEOMETRY}, rod_diameter_1_m=0.028") == replace(expected, rod_diameter_1_m=0.028)
+
+
+@pytest.mark.parametrize(("load", "status"), [((), 1), (("--load", "-900"), 0), (("--load", "-900+-40"), 0)])
+def test_friction_with_a_load_in_it_is_not_known(
+    load: tuple[str, ...], status: int, cylinder: Cylinder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = write_lugre_log(tmp_path / "r.csv", PLAIN_LUGRE, cylinder, [0.02, 0.05] * 4, load_n=-900.0)
+    (tmp_path / "mapping.yaml").write_text(json.dumps({"channels": CHANNELS}), encoding="utf-8")
+    given = ["estimate", str(log), "--cylinder", GEOMETRY, "--channels", str(tmp_path / "mapping.yaml")]
+    assert main([*given, *load, "--output", str(tmp_path / "out")]) == status
+    assert ("friction_n holds a load" in capsys.readouterr().out) == (status == 1)
 
 
 @pytest.mark.parametrize(

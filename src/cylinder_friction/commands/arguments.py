@@ -61,7 +61,7 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
     words = "accuracy of pressure sensors that state none, ± %% of full scale; 0.5 is typical; default: unknown"
     parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)
-    words = "what the cylinder carries, a weighed load as 4218 or 4218+-40; default: as mapped"
+    words = "what the cylinder carries, a weighed load [N] as 4218, 4218+-40 or, pulling, -1500; default: as mapped"
     parser.add_argument("--load", metavar="none|measured|position|NEWTONS", help=words)
     parser.add_argument("--dbc", type=Path, help="DBC file of the bus, for MDF files of CAN frames")
     parser.add_argument("--names", help="regular expression on a file's path, with the groups condition and session")

@@ -4,6 +4,7 @@ import argparse
 import errno
 import importlib
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -73,7 +74,7 @@ def _run(given: Sequence[str]) -> int:
         print(f"cylinder-friction {first}: {not_installed(first)}", file=sys.stderr)
         return 1
     try:
-        options = parser(None if COMPLETION in given else first).parse_args(given)
+        options = parser(None if COMPLETION in given else first).parse_args(_signed(given))
     except KeyboardInterrupt:
         return INTERRUPTED
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
@@ -94,6 +95,15 @@ def _run(given: Sequence[str]) -> int:
             raise
         print(f"{name}: {found or error}", file=sys.stderr)
         return 1
+
+
+def _signed(given: Sequence[str]) -> list[str]:
+    """Join ``--load`` and a negative number with its uncertainty, which ``argparse`` takes for an option."""
+    words = list(given)
+    for place in reversed(range(len(words) - 1)):
+        if words[place] == "--load" and re.match(r"-\d", words[place + 1]):
+            words[place : place + 2] = [f"--load={words[place + 1]}"]
+    return words
 
 
 def system_refusal(error: Exception) -> str:

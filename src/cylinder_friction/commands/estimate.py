@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     beside += [f"differ   {differ}"] if differ else []
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     unusable = any(each.not_known for each in result.recordings if each.name in result.new)
-    unknown = all(each.friction_n is None for each in result.recordings)
+    unknown = all(each.friction_n is None or each.load_left_n is not None for each in result.recordings)
     return 1 if result.refused or unusable or unknown else 0
 
 

@@ -123,7 +123,7 @@ def in_words(found: Sequence[RecordingDifference]) -> str:
     equal = {each.name: each.equal for each in found if each.equal is not None}
     if not equal:
         return ""
-    friction = [each.friction_n for each in found if each.equal is not None]
+    friction = [each.friction_n for each in found]
     spread = f"the mean in steady sliding is {min(friction):.0f} to {max(friction):.0f} N from recording to recording"
     still = sorted((each for each in found if each.is_unexplained), key=lambda each: -abs(_newtons(each)))
     if not still:
