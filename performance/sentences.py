@@ -320,8 +320,8 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identification.py ZEROS",
-        r"^zeros +(?:state the sensors' zeros|weigh the load)",
-        lambda *_: True,  # Advice
+        r"^zeros +(?:state the sensors' zeros|weigh the load)|^intervals of 95 % hold",
+        lambda *_: True,  # Advice, and what the intervals are, which are counted
     ),
     (
         "estimation/identified_model.py, no number",

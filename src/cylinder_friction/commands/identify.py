@@ -7,7 +7,7 @@ from functools import partial
 
 from cylinder_friction.commands.log_options import print_result, run_on_logs
 from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
-from cylinder_friction.estimation.identified_model import FrictionModels, IdentifiedParameter
+from cylinder_friction.estimation.identified_model import INTERVALS, FrictionModels, IdentifiedParameter
 from cylinder_friction.wording import with_unit
 
 EXPECTED = (ValueError, OSError)
@@ -15,7 +15,8 @@ EXPECTED = (ValueError, OSError)
 
 def run(options: argparse.Namespace) -> int:
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
-    beside = [f"{name:<8} {words}" for name in ("simpler", "loss", "zeros") if (words := getattr(result, name))]
+    beside = [INTERVALS]
+    beside += [f"{name:<8} {words}" for name in ("simpler", "loss", "zeros") if (words := getattr(result, name))]
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     return 1 if result.refused or all(model.found is None for model in result.models) else 0
 
