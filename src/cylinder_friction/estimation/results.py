@@ -25,7 +25,7 @@ from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.realtime.trained_for import OtherCylinderError as OtherCylinderError  # noqa: PLC0414 - also from here
 from cylinder_friction.recordings.conversion import LoggedFile, Quarantined
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_beside, write_recording
+from cylinder_friction.recordings.storage import read_beside, read_recording, write_recording
 
 FileFormat = Literal["parquet", "csv"]
 """``csv`` writes a CSV file beside each Parquet file; ``parquet`` does not."""
@@ -286,6 +286,11 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
     for each in _summary(results).get("recordings", ()):
         sessions[each["session"]].append(each)
     return dict(sessions)
+
+
+def friction_of(results: Path, name: str) -> Recording:
+    """Read one recording with its friction and all other columns of its Parquet file."""
+    return read_recording(results / f"{name}.parquet")
 
 
 def made_with_model(results: Path) -> str:

@@ -10,9 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction import Recording
-from cylinder_friction.estimation.results import kept_recordings
+from cylinder_friction.estimation.results import friction_of, kept_recordings
 from cylinder_friction.files.whole_files import json_hash
-from cylinder_friction.recordings.storage import read_recording
 from cylinder_friction_monitoring.trends.assessment import IndicatorTrend
 from cylinder_friction_monitoring.trends.moments import utc_time
 from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, Indicator, SessionRow
@@ -54,7 +53,7 @@ def updated_rows(
             rows[session] = kept[session]
             continue
         try:
-            read = [read_recording(results / f"{each['name']}.parquet") for each in recordings]
+            read = [friction_of(results, each["name"]) for each in recordings]
             rows[session] = KeptRow(made_row(read), key, read[0].metadata.depends_on.get("cylinder", ""))
         except (ValueError, OSError) as error:
             failed[session] = f"no indicators: {error}"
