@@ -440,9 +440,10 @@ NAMES = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
 
 def judged(lines: list[str], made: Simulated) -> Iterator[tuple[str, str, bool]]:
     """Yield each sentence and whether it is true; a line on these topics that is not listed is false."""
-    for line in lines:
+    name = "condition"
+    for line in lines:  # an indented one belongs to the file above it
         found = re.search(r"condition\d+_session\d+", line)
-        name, listed = found[0] if found else "condition", False
+        name, listed = found[0] if found else name if line.startswith("  ") else "condition", False
         for place, pattern, true in SENTENCES:
             for match in re.finditer(pattern, line):
                 listed = True
