@@ -8,7 +8,6 @@ from functools import partial
 from cylinder_friction.commands.log_options import print_result, run_on_logs
 from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
 from cylinder_friction.estimation.identified_model import INTERVALS, FrictionModels, IdentifiedParameter
-from cylinder_friction.wording import with_unit
 
 EXPECTED = (ValueError, OSError)
 
@@ -44,4 +43,4 @@ def _line(each: IdentifiedParameter) -> str:
     if each.value is None:
         return f"  {each.name:<22} {each.remark}"
     limits = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
-    return f"  {each.name:<22} {each.value:<10.4g} {with_unit('', each.unit).strip():<6} {limits or each.note}"
+    return f"  {each.name:<22} {each.value:<10.4g} {each.shown_unit:<6} {limits or each.note}"

@@ -185,7 +185,7 @@ class ModelSearch:
     @property
     def zeros(self) -> str:
         """State what to do if zeros or load leave parameters of a condition without a number; else empty."""
-        unknown = any(self._zeros(self._of(each.condition)).why_not for each in self.curves)
+        unknown = any(each.zeros.why_not for each in self.curves)
         return (LOAD if self.run.friction.labeller.load == "position" else ZEROS) if unknown else ""
 
     def plain(self) -> IdentifiedModel:

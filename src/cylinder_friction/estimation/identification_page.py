@@ -26,7 +26,7 @@ from cylinder_friction.reporting.page import (
     speed_ticks,
 )
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES
-from cylinder_friction.wording import four_digits, with_unit
+from cylinder_friction.wording import four_digits
 
 MM_PER_M = 1e3
 CURVE_POINTS = 200
@@ -126,9 +126,7 @@ def _parameter_table(parameters: Sequence[IdentifiedParameter]) -> Table:
     for each in parameters:
         value = Cell("–", style="none") if each.value is None else four_digits(each.value)
         interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
-        rows.append(
-            [Cell(each.meaning, small=each.symbol), value, interval, with_unit("", each.unit).strip(), each.remark]
-        )
+        rows.append([Cell(each.meaning, small=each.symbol), value, interval, each.shown_unit, each.remark])
     return Table(("parameter", "value", "interval", "unit", "remark"), rows, words=(3, 4), style="stacked")
 
 

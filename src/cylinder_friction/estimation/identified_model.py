@@ -18,6 +18,7 @@ from cylinder_friction.friction_models.identification.procedure import Identific
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
     StribeckPoint,
+    is_breakaway_known,
     known_curve,
     steady_sliding_by_speed,
 )
@@ -114,6 +115,11 @@ class IdentifiedParameter:
     note: str = ""  # Why there is no value, or where a value comes from that was not searched for
 
     @property
+    def shown_unit(self) -> str:
+        """Unit as text; empty for a ratio."""
+        return with_unit("", self.unit).strip()
+
+    @property
     def remark(self) -> str:
         return self.note if self.value is not None else f"not determined: {self.note}"
 
@@ -134,6 +140,7 @@ class IdentifiedCurve:
     recordings: tuple[str, ...]  # Names of the recordings
     points: tuple[StribeckPoint, ...]
     curve: StribeckCurve | None  # None if the points do not determine one
+    zeros: Zeros
     why_not: str  # Why there is none
     slow: str  # Why steady sliding does not show how friction rises towards standstill; empty if it does
 
@@ -154,7 +161,7 @@ class IdentifiedCurve:
             lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))
             own.append(replace(each, half_width_n=math.hypot(each.half_width_n, zeros.half_n) + lost_n))
         names = tuple(each.name for each in recordings)
-        return cls(recordings[0].metadata.condition, names, tuple(own), curve, why_not, slow)
+        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, slow)
 
     @property
     def reasons(self) -> str:
@@ -175,7 +182,7 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
     slowest_m_s = min(abs(point.velocity_m_s) for point in points)
     rise = float(curve.dry_friction(np.array([slowest_m_s]))[0]) / curve.coulomb_n - 1.0
     rises = rise >= LEAST_RISE
-    if rises and slowest_m_s <= curve.stribeck_velocity_m_s:  # else static friction is extrapolated
+    if rises and is_breakaway_known(curve, points):
         speeds = max(sum(way * point.velocity_m_s > 0.0 for point in points) for way in (1.0, -1.0))
         few = f"{speeds} speeds of steady sliding do not show how friction falls with speed; record strokes at others"
         return few if speeds < LEAST_SPEEDS else ""
