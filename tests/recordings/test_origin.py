@@ -157,10 +157,22 @@ def test_a_file_name_states_the_start_if_the_log_does_not(
     recording = next(recordings_of(find_logs(tmp_path, settings, cylinder)))
     assert isinstance(recording, Recording), recording
     note = f"start.pattern '{PATTERN}' finds no date in '{name}.csv'; correct it or the name; until then its start is"
-    assert (recording.metadata.start, recording.metadata.repairs) == (start, () if start else (f"{note} not known",))
-    assert recording.metadata.start_source.startswith("file name, ") == bool(start)
+    assert (recording.metadata.start, recording.metadata.remarks) == (start, () if start else (f"{note} not known",))
     if not start:
         with pytest.warns(
             UserWarning, match=r"start\.pattern '.*\(\?P<day>\\d\\d\).*' of the mapping finds nothing in any"
         ):
             find_logs(tmp_path / f"{name}.csv", settings, cylinder)
+
+
+def test_a_start_in_the_future_is_not_stated(tmp_path: Path, cylinder: Cylinder) -> None:
+    log, file = made_log(4000), tmp_path / "press_270326_1015.csv"
+    to_csv(log.assign(t=pd.Timestamp("2096-03-14") + pd.to_timedelta(log["t"], unit="s")), file)
+    channels = CHANNELS | {"time_s": {"channel": "t"}}
+    late = (
+        "its clock started in the future, 2096-03-14T00:00:00.000 (time stamps of 't'); when it was made is not known"
+    )
+    for rules, expected in (({}, ("", late)), ({"pattern": PATTERN}, ("2026-03-27T10:15:00.000", "file name"))):
+        recording = next(recordings_of(find_logs(file, {"channels": channels, "start": rules}, cylinder)))
+        assert isinstance(recording, Recording), recording
+        assert (recording.metadata.start, recording.metadata.start_source) == expected

@@ -199,7 +199,7 @@ class RecordingFriction:
             not_known=other or ("" if flags is None else unknown_in_words(rows, counts)),
             unlike_training="; ".join(filter(None, (noisy, self._missed(recording)))),
             load_left_n=known_number(load_n) if fits and holds_load(load_n, half_n) else None,
-            repairs=tuple(about.repairs),
+            repairs=about.remarks,
             levels=friction_levels([recording]),
         )
 

@@ -22,6 +22,7 @@ from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.recordings.checks.recording_checks import checked_recording
 from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, SAMPLE_COLUMNS, TIME
+from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.line_loss import RECTANGULAR
@@ -182,7 +183,11 @@ def pieces_from(
     """
     mapped = map_signals(tables, recipe.channels)
     signals, notes, rules = mapped.signals, tuple[str, ...](), recipe.start
-    start = mapped.start or rules.named(about.source_file)
+    start, unknown = mapped.start, ""
+    if start is not None and is_future(start.at):
+        unknown = f"its clock started in the future, {start.text()} ({start.source}); when it was made is not known"
+        start = None
+    start = start or rules.named(about.source_file)
     rate_hz = recipe.channels[TIME].rate_hz
     if rows_before and rate_hz is not None:
         later = {id(each.time_s): each.time_s + rows_before / rate_hz for each in signals.values()}
@@ -193,8 +198,9 @@ def pieces_from(
         notes = (*mapped.notes, *bad)
     if start is None and rules.pattern is not None:
         none = f"finds no date in {about.source_file!r}; correct it or the name; until then its start is not known"
-        notes += (f"start.pattern '{rules.pattern}' {none}",)
-    pieces = align(signals, recipe.time, replace(about, repairs=notes), rules.in_utc(start))
+        unknown = f"start.pattern '{rules.pattern}' {none}"
+    about = replace(about, repairs=notes, start_source=unknown)
+    pieces = align(signals, recipe.time, about, rules.in_utc(start))
     if recipe.limits.stated_load is not None:
         force_n = recipe.limits.stated_load.force_n
         pieces = [each.with_columns(load_force_n=np.full(len(each), force_n)) for each in pieces]

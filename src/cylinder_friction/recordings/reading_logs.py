@@ -101,7 +101,7 @@ class Ingested:
     quarantined: list[Quarantined] = field(default_factory=list)
 
     def repaired(self) -> list[RecordingMetadata]:
-        return [metadata for metadata, _ in self.recordings if metadata.repairs]
+        return [metadata for metadata, _ in self.recordings if metadata.remarks]
 
     def summary(self) -> str:
         """Summarize the outcome for a person: one line in total, one per repair and one per refusal."""
@@ -111,7 +111,7 @@ class Ingested:
             f"{len(self.repaired())} repaired or noted, {len(self.quarantined)} quarantined"
         ]
         lines += [f"  note         {note}" for note in self.notes]
-        lines += [f"  used         {entry.name}: {'; '.join(entry.repairs)}" for entry in self.repaired()]
+        lines += [f"  used         {entry.name}: {'; '.join(entry.remarks)}" for entry in self.repaired()]
         lines += [f"  quarantined  {entry.where}: {entry.reason}" for entry in self.quarantined]
         return "\n".join(lines)
 

@@ -94,7 +94,7 @@ class RecordingMetadata:
     # Time of its first sample in ISO 8601: with Z in UTC; otherwise by the logger's clock, whose time zone is not
     # stated. A day alone if only that is known; empty if nothing is
     start: str = ""
-    start_source: str = ""  # Source of ``start``
+    start_source: str = ""  # Source of ``start``; without one, why it is not known, if that is odd
     asset: str = ""  # The machine that the cylinder belongs to
     # Serial number and day of calibration of the sensor behind a column, if they are stated
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -110,6 +110,11 @@ class RecordingMetadata:
     identified_zero: Mapping[str, IdentifiedZero] = field(default_factory=dict)
     # Repairs by ingest, one sentence each
     repairs: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Repairs, and why the start is not known."""
+        return (*self.repairs, self.start_source) if self.start_source and not self.start else self.repairs
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:

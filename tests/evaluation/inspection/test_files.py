@@ -1,5 +1,6 @@
 """Files as ``ingest`` takes them: broken ones beside good ones, and copies."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.logs import NameRules, Recipe
+from cylinder_friction.recordings.logs import NameRules, Recipe, StartRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.recording import Recording
 from inspected_recordings import made_strokes
@@ -56,3 +57,14 @@ def test_broken_files_stand_beside_good_ones_in_their_order(tmp_path: Path, cyli
     assert [subject.outcome for subject in subjects] == ["ok", "refused", "refused", "noted", "ok", "refused"]
     assert subjects[1].verdict.startswith("not usable: the file is empty")
     assert subjects[3].verdict.startswith("usable for labelling; worth knowing: ")
+
+
+def test_an_unknown_start_is_a_note_and_no_repair(tmp_path: Path, cylinder: Cylinder, recipe: Recipe) -> None:
+    dated = replace(recipe, start=StartRules(pattern=r"(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)"))
+    files = logged(
+        tmp_path, {"a1_2026-03-27.csv": made_strokes(cylinder), "a2_.csv": shifted(made_strokes(cylinder), 1)}
+    )
+    known, unknown = inspect_files(files, dated)
+    assert known.outcome == "ok"
+    assert [finding.check for finding in unknown.findings if finding.outcome == "noted"] == ["start"]
+    assert unknown.verdict.startswith("usable for labelling; worth knowing: start.pattern ")

@@ -134,15 +134,6 @@ def test_numbers_since_a_known_date_are_dates_unless_another_unit_is_stated(tmp_
         np.testing.assert_array_equal(read(channel, stamps_s, "s").signals["position_m"].time_s, stamps_s)
 
 
-def test_a_start_in_the_future_is_not_stated() -> None:
-    late = PLC | {"t": pd.Timestamp("2096-03-14") + pd.to_timedelta(5 * ROWS, "ms"), "t10 [ms]": 0}
-    mapped = map_signals([LoggedTable(pd.DataFrame(late))], MAPPING)
-    assert mapped.start is None
-    assert mapped.notes == (
-        "its clock started in the future, 2096-03-14T00:00:00.000 (time stamps of 't'); when it was made is not known",
-    )
-
-
 RATE = MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)}
 
 

@@ -64,8 +64,10 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
 
 
 def _checked(piece: Recording, recipe: Recipe) -> tuple[Sequence[Finding], Recording | None]:
-    repairs = [(text, "start" if text.endswith("is not known") else "repair") for text in piece.metadata.repairs]
-    findings = [Finding(check, "noted" if check == "start" else "repaired", text) for text, check in repairs]
+    about = piece.metadata
+    findings = [Finding("repair", "repaired", text) for text in about.repairs]
+    if about.start_source and not about.start:
+        findings.append(Finding("start", "noted", about.start_source))
     findings += inspect_recording(piece.columns, recipe.limits, piece.sample_time_s)
     try:
         return findings, Recording(piece.metadata, piece.columns)

@@ -13,7 +13,6 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
-from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
@@ -39,7 +38,7 @@ class MappedFile(NamedTuple):
 
     # Signals by column, in the column's unit; signals of one table share their time stamps (the same object)
     signals: dict[str, Signal]
-    notes: tuple[str, ...]  # Repairs by the reader and what remains unknown, one sentence each
+    notes: tuple[str, ...]  # Repairs by the reader, one sentence each
     start: Start | None = None  # When its clock was at 0 s
 
 
@@ -86,9 +85,6 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
     notes += _take_delays(signals, mapping)
-    if start is not None and is_future(start.at):
-        notes.append(f"its clock started in the future, {start.text()} ({start.source}); when it was made is not known")
-        start = None
     return MappedFile(signals, tuple(notes), start)
 
 

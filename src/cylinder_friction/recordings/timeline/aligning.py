@@ -86,14 +86,10 @@ def _piece(
 ) -> Recording:
     """Make a recording of columns, which is not checked yet. A start is valid until the clock restarts."""
     own = start if start is not None and (segment == 0 or start.dated_rows) else None
-    described = replace(
-        about,
-        sample_time_s=1.0 / rate_hz,
-        repairs=(*about.repairs, *repairs),
-        start="" if own is None else own.after(float(columns[TIME][0])).text(),
-        start_source="" if own is None else own.source,
-    )
-    return Recording.unchecked(described, columns)
+    about = replace(about, sample_time_s=1.0 / rate_hz, repairs=(*about.repairs, *repairs))
+    if own is not None:
+        about = replace(about, start=own.after(float(columns[TIME][0])).text(), start_source=own.source)
+    return Recording.unchecked(about, columns)
 
 
 def _rate_of_unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> float | None:
