@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode, StatedLoad
 from cylinder_friction.recordings.checks.plausibility import check_friction
 from cylinder_friction.recordings.recording import Recording
 from logger_files import columns_of
@@ -47,11 +47,7 @@ REFUSED = {"direction": "refused"}
     [
         (lambda table: table, {}, ""),
         (swapped, REFUSED, r"^the pressures are swapped: as they stand, .* N retracting .* exchange the channels"),
-        (
-            inverted,
-            REFUSED,
-            r"^friction would drive the piston: .*; position_m is inverted, or both pressures are: .*-1",
-        ),
+        (inverted, REFUSED, r"^friction would drive the piston: .*position_m is inverted, or both pressures are: .*-1"),
         (lambda table: swapped(inverted(table)), REFUSED, "^the pressures are swapped and position_m is inverted: "),
         (scaled(100.0), {"friction_size": "refused"}, r"expected less than 100; .*kPa read as bar"),
         (scaled(10.0), NOTED_SIZE, r"usual are 0.2 to 10; .* \(bar read as MPa\?\)"),
@@ -103,7 +99,7 @@ ONE_WAY = np.where(SECONDS < 10.0, 0.03 + 0.008 * SECONDS, 0.24 - 0.008 * (SECON
 LOADED = pushed(load_n=2000.0)
 PULLED = pushed().assign(drive_force_n=lambda table: table["drive_force_n"] + 2000.0)
 WEIGHED = PULLED.assign(load_force_n=2000.0)
-INVERTED = "^load_force_n is inverted: as it stands, the force against the motion is"
+INVERTED = "^the mapped load_force_n is inverted: as it stands, the force against the motion is"
 UNKNOWN = "one of them drives the motion, so there is"
 
 
@@ -118,12 +114,7 @@ UNKNOWN = "one of them drives the motion, so there is"
         (LOADED.assign(load_force_n=-LOADED["load_force_n"]), "measured", "refused", INVERTED),
         (WEIGHED.assign(load_force_n=-2000.0), "measured", "refused", INVERTED),
         (PULLED, "none", "noted", UNKNOWN + r" a load of about 2e\+03 N.*; state the load, or zero the sensors$"),
-        (
-            PULLED,
-            "measured",
-            "noted",
-            UNKNOWN + r" another load of about 2e\+03 N.*; check unit and zero of load_force",
-        ),
+        (PULLED, "measured", "noted", UNKNOWN + r" another load of about 2e\+03 N.*; check unit and zero of load"),
         (pushed().iloc[:5], "none", "noted", "in 0 rows only, expected 20 each"),
         (pushed().assign(position_m=ONE_WAY), "none", "noted", "hardly pass the same positions"),
         (pushed().assign(position_m=np.linspace(0.05, 0.2, 4000)), "none", "noted", "in 0 rows only, expected 20 each"),
@@ -137,3 +128,12 @@ def test_a_force_shows_its_direction_or_why_not(
     found = checked(table, cylinder, load)
     assert [each.outcome for each in found] == ([] if outcome == "ok" else [outcome])
     assert all(re.search(text, each.text) for each in found)
+
+
+def test_a_stated_load_is_named_as_such(cylinder: Cylinder) -> None:
+    limits = CheckLimits(cylinder, "measured", stated_load=StatedLoad(-2000.0))
+    ((turned,), (other,)) = (
+        check_friction(columns_of(WEIGHED.assign(load_force_n=load_n)), 0.005, limits) for load_n in (-2000.0, 0.0)
+    )
+    assert turned.text.startswith("the stated load of -2000 N (--load, or the mapping's) is inverted: as it stands")
+    assert other.text.endswith("; check the stated load, or zero the sensors")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode, Outcome
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, Outcome
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 
 HALF_WINDOW_S = 0.05  # Half the time over which velocity is computed as a difference [s]
@@ -90,13 +90,13 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
         drive_n = columns[DRIVE_FORCE][rows]
         as_is, turned = _balances(direction, shape, drive_n - load_n, drive_n + load_n)
         remedy = f"change the sign of position_m or of {DRIVE_FORCE} in the mapping"
-        return _inverted_load(as_is, turned, load) or _opposing(as_is, load, remedy)
+        return _inverted_load(as_is, turned, limits) or _opposing(as_is, limits, remedy)
     a1, a2 = limits.cylinder.piston_area_m2, limits.cylinder.annulus_area_m2
     p1, p2 = (columns[name][rows] for name in PRESSURES)
     drive_n, exchanged_n = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
     forces = drive_n - load_n, exchanged_n - load_n, drive_n + load_n, (p1 - p2) * a2
     as_is, swapped, turned, alike = _balances(direction, shape, *forces)
-    findings = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
+    findings = _inverted_load(as_is, turned, limits) or _direction(as_is, swapped, limits)
     if any(each.outcome == "refused" for each in findings):
         return findings
     explained = as_is.weaker_n <= 0.0 < 0.5 * alike.friction_n < alike.weaker_n  # by equal areas
@@ -166,22 +166,23 @@ def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
     ]
 
 
-def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> list[Finding]:
-    """Refuse the recording if its forces balance only with the load cell's sign reversed."""
+def _inverted_load(as_is: Balance, turned: Balance, limits: CheckLimits) -> list[Finding]:
+    """Refuse the recording if its forces balance only with the sign of the load reversed."""
     opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
     better = opposes or as_is.residual_n > (BETTER + 1.0) * turned.residual_n
-    if load != "measured" or not (turned.dissipates and better):
+    if limits.load != "measured" or not (turned.dissipates and better):
         return []
+    stated = limits.stated_load and f"the stated load of {limits.stated_load.force_n:g} N (--load, or the mapping's)"
     text = (
-        f"load_force_n is inverted: as it stands, {as_is.in_words()}; the other way round, {turned.in_words()}; change "
-        "its sign in the mapping (it is positive where the load resists extension)"
+        f"{stated or 'the mapped load_force_n'} is inverted: as it stands, {as_is.in_words()}; the other way round, "
+        f"{turned.in_words()}; change its sign (it is positive where the load resists extension)"
     )
     return [Finding("direction", "refused", text)]
 
 
-def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> list[Finding]:
+def _direction(as_is: Balance, swapped: Balance, limits: CheckLimits) -> list[Finding]:
     """Compare four interpretations: signals as they are, pressures swapped, position inverted, or both."""
-    clearly_wrong = as_is.drives or (load != "position" and as_is.weaker_n < -as_is.sure_n)
+    clearly_wrong = as_is.drives or (limits.load != "position" and as_is.weaker_n < -as_is.sure_n)
     ratio = as_is.residual_n / max(swapped.residual_n, 1e-12)
     if ratio > (BETTER if clearly_wrong else BETTER + 1.0) and (swapped.dissipates or swapped.drives):
         also = "" if swapped.dissipates else " and position_m is inverted"
@@ -198,10 +199,10 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> list[Finding
         if 1.0 / ratio > BETTER
         else "position_m is inverted, both pressures are inverted, or they are swapped; check all three"
     )
-    return _opposing(as_is, load, remedy)
+    return _opposing(as_is, limits, remedy)
 
 
-def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> list[Finding]:
+def _opposing(as_is: Balance, limits: CheckLimits, remedy: str) -> list[Finding]:
     """Refuse friction that drives the motion, and advise the ``remedy``; note what may be an unstated load."""
     if as_is.drives:
         text = f"friction would drive the piston: {as_is.in_words()}; expected it to oppose the motion; {remedy}"
@@ -210,13 +211,14 @@ def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> list[Finding]:
         unexplained = f"({as_is.residual_n:.3g} N are unexplained)"
         text = f"friction of {as_is.friction_n:.3g} N cannot be distinguished from zero {unexplained}"
         return [Finding("direction", "noted", text)]
-    if load != "position" and as_is.weaker_n < 0.0:
-        measured = load == "measured"
+    if limits.load != "position" and as_is.weaker_n < 0.0:
+        measured = limits.load == "measured"
+        check = "check the stated load" if limits.stated_load else "check unit and zero of load_force_n"
         load_n = 0.5 * (as_is.extending_n - as_is.retracting_n)
         text = (
             f"{as_is.in_words()}: one of them drives the motion, so there is {'another' if measured else 'a'} load of "
             f"about {load_n:.3g} N, or a pressure sensor's zero is off; "
-            f"{'check unit and zero of load_force_n' if measured else 'state the load'}, or zero the sensors"
+            f"{check if measured else 'state the load'}, or zero the sensors"
         )
         return [Finding("direction", "noted", text)]
     return []
