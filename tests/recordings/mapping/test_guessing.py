@@ -55,6 +55,8 @@ NAMINGS: list[tuple[str, str, str, str]] = [
     ("X_Value", "Pressure A", "Pressure B", "Displacement"),
     ("t_s", "jib_pA_cyl_bar", "jib_pB_cyl_bar", "x_p"),
     ("Time", "PistonPressure", "Kolbenstangendruck", "s [mm]"),
+    ("Time [s]", "Head end [bar]", "Rod end [bar]", "Position [mm]"),
+    ("Time [s]", "Cap [bar]", "Head [bar]", "Position [mm]"),
     ("Time (s)", "Pressure bore (bar)", "Pressure annulus (bar)", "Piston position (mm)"),
 ]
 
@@ -66,6 +68,7 @@ def test_usual_names_are_understood_in_any_order(names: tuple[str, str, str, str
     text = text_of(dict(reversed(values.items())) if turned else values)
     columns = ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")
     assert names_of(text) == dict(zip(columns, names, strict=True))
+    assert "which side" not in text
     assert [channels_of(text)[column]["unit"].split()[0] for column in columns] == ["s", "bar", "bar", "mm"]
     for entry in channels_of(text).values():
         ChannelMapping.from_dict(entry)

@@ -47,7 +47,9 @@ QUANTITY_WORDS = {
 """Words for each quantity. If words of equal rank name two quantities, the first quantity is taken."""
 
 PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden")
-ROD_SIDE = _words("2 b rod ring head gland", "stange annul ringseit ringraum rodside")
+ROD_SIDE = _words("2 b rod ring gland", "stange annul ringseit ringraum rodside")
+EITHER_SIDE = _words("head end side port chamber", "seite kammer")
+"""Words that show no side alone. Either end is called the head, so that the name of the other pressure decides."""
 ELSEWHERE = _words("s t 0 ls sys pump tank supply return system", "versorg pumpe speise rücklauf ruecklauf")
 WANTED_VALUE = _words("ref set soll cmd sp target demand command", "sollw setpoint reference vorgabe")
 AT_VALVE = _words("valve dcv", "ventil")
@@ -69,7 +71,6 @@ class Words:
     preference: float  # Above 0 if it is measured at the cylinder; below 0 at a valve, and more so for a set point
     carried: bool  # Whether a force is called a load
     rest: tuple[str, ...]  # All other words of the name, in which the cylinders of one machine differ
-    side_word: str  # The word that shows the side
 
 
 @cache
@@ -82,20 +83,18 @@ def words_of(name: str) -> Words:
     whole = len(plain) > 1 and plain.strip().casefold() in TIME_NAMES
     quantity = "time" if whole else _quantity(tokens)
     vocabularies = ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE))
-    ranked = ((side, token, words.rank(token)) for side, words in vocabularies for token in folded)
+    ranked = ((side, words.rank(token)) for side, words in vocabularies for token in folded)
     # Single letters and digits show a side only together with a word for pressure.
-    sides = ((side, token) for side, token, rank in ranked if rank == 2 or (rank == 1 and quantity == "pressure"))
-    side, side_word = next(sides, (0, ""))
+    sides = (side for side, rank in ranked if rank == 2 or (rank == 1 and quantity == "pressure"))
     wanted = any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded)
-    known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, AT_VALVE, AT_CYLINDER)
+    known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, EITHER_SIDE, AT_VALVE, AT_CYLINDER)
     return Words(
         quantity=quantity,
-        side=side,
+        side=next(sides, 0),
         unit=unit,
         preference=any(map(AT_CYLINDER.rank, folded)) - any(map(AT_VALVE.rank, folded)) - 6.0 * wanted,
         carried=any(map(CARRIED.rank, folded)),
         rest=tuple(token for token in folded if not any(vocabulary.rank(token) for vocabulary in known)),
-        side_word=side_word,
     )
 
 

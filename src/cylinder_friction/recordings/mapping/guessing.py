@@ -385,7 +385,8 @@ def _guessed(
         for other, score in ranked
         if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
     )
-    reasons, checks = [_meaning(column, channel)], _meaning_checks(column, channel)
+    pair = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else []
+    reasons, checks = [_meaning(column, channel, pair)], _meaning_checks(column, channel, pair)
     unit, fitting, given = channel.unit, None, units.get(QUANTITIES[column])
     if channel.dates:
         unit, reasons = "", [*reasons, "holds dates"]
@@ -393,7 +394,7 @@ def _guessed(
         unit, stated = (unit, "as stated") if unit else (str(given), "as given")
         reasons += [f"unit {unit} {stated}", channel.described()]
     else:
-        alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
+        alike = pair or [channel]
         fitting = fitting_units(column, [each for each in alike if not each.unit], cylinder)
         stated_units = [each.unit for each in alike if each.unit in fitting]
         unit, *more = sorted(fitting, key=lambda unit: unit not in stated_units) or [usual_unit(column)]
@@ -419,22 +420,22 @@ def size_in_words(column: str, channel: ChannelFacts) -> str:
     return f"steps of {channel.step:.4g}" if column == TIME else channel.described()
 
 
-def _meaning(column: str, channel: ChannelFacts) -> str:
+def _meaning(column: str, channel: ChannelFacts, pair: Sequence[ChannelFacts]) -> str:
     """State why a channel was chosen for a column."""
     quantity, side = QUANTITIES[column].replace("length", "position"), SIDES.get(column)
     if side is not None and channel.words.side == side:
         pressure = "pressure, " if channel.words.quantity == "pressure" else ""
         return f"name means {pressure}{('piston', 'rod')[side - 1]} side"
+    if any(each.words.side for each in pair):
+        return f"the other pressure is the {('rod', 'piston')[SIDES[column] - 1]} side's"
     if channel.words.quantity == QUANTITIES[column]:
         return f"name means {quantity}"
     return "values rise steadily" if column == TIME else f"unit is one of {quantity}"
 
 
-def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
-    if column in SIDES and channel.words.side == 0:
+def _meaning_checks(column: str, channel: ChannelFacts, pair: Sequence[ChannelFacts]) -> list[str]:
+    if column in SIDES and not any(each.words.side for each in pair):
         return ["which side it is was guessed from the order of the channels; swap the two if it is the other"]
-    if column in SIDES and channel.words.side_word == "head":
-        return ["head is the rod side in most catalogues, but the piston side in some"]
     if column == DRIVE_FORCE:
         return ["no pressures were found, so the force stands in; it must be positive towards extension"]
     if column == POSITION and channel.low < -BELOW_ZERO * (channel.high - channel.low):
