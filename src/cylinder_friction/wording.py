@@ -6,6 +6,11 @@ def four_digits(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
 
 
+def counted(count: int, thing: str) -> str:
+    """Write a number of things, one without the plural's s."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
+
+
 def with_unit(number: str, unit: str) -> str:
     """Write a number with its unit; that of a ratio, 1, is not written."""
     return number if unit == "1" else f"{number} {unit}"

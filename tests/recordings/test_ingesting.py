@@ -55,7 +55,7 @@ def test_nothing_usable_is_an_error_and_leaves_the_old_output(ingest: Ingest, so
     ingest()
     for path in source.glob("*.csv"):
         path.write_text("a\n1\n")
-    with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, condition1_session00_.*csv: "):
+    with pytest.raises(RecordingError, match=r"no file is usable \(of 3\); the first, condition1_session00_.*csv: "):
         ingest()
     assert len(read_stored(tmp_path / "out")) == 3
 

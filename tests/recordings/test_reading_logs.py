@@ -85,7 +85,7 @@ def test_a_configuration_brings_its_rules_and_names(logs: Path, cylinder: Cylind
     )
     (tmp_path / "strict.yaml").write_text("defaults:\n  - own\n  - _self_\nchecks: {minimum_duration_s: 1.0e+3}\n")
     assert {each.sample_time_s for each in read_recordings(logs, tmp_path / "own.yaml", cylinder)} == {0.01}
-    with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, \S+csv: lasts 40 s .* 1e\+03 s"):
+    with pytest.raises(RecordingError, match=r"no file is usable \(of 3\); the first, \S+csv: lasts 40 s .* 1e\+03 s"):
         read_recordings(logs, tmp_path / "strict.yaml", cylinder)
 
 

@@ -16,6 +16,7 @@ from cylinder_friction.estimation.from_logs import estimate_logs
 from cylinder_friction.estimation.results import PAGE_FILE, FrictionOfLogs, remarks
 from cylinder_friction.evaluation.friction_levels import in_words
 from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.wording import counted
 
 EXPECTED = (ValueError, OSError)
 
@@ -49,8 +50,8 @@ def _lines(result: FrictionOfLogs) -> list[str]:
     for each in result.recordings:
         if each.name not in result.new:
             continue
-        friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:.0f} N"
+        friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:z.0f} N"
         beside = "".join(f"; {words}" for words in remarks(each))
         lines.append(f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{beside}")
     kept = len(result.recordings) - len(result.new)
-    return [*lines, f"{kept} {'results' if kept > 1 else 'result'} of earlier runs kept"] if kept else lines
+    return [*lines, f"{counted(kept, 'result')} of earlier runs kept"] if kept else lines

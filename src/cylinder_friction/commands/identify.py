@@ -8,6 +8,7 @@ from functools import partial
 from cylinder_friction.commands.log_options import print_result, run_on_logs
 from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
 from cylinder_friction.estimation.identified_model import INTERVALS, FrictionModels, IdentifiedParameter
+from cylinder_friction.wording import counted
 
 EXPECTED = (ValueError, OSError)
 
@@ -28,12 +29,12 @@ def _lines(result: FrictionModels) -> list[str]:
             if curve.curve is None
             else "; ".join(filter(None, ("curve fitted", curve.slow)))
         )
-        lines.append(f"condition {curve.condition}: {len(curve.points)} points of steady sliding, {words}")
+        lines.append(f"condition {curve.condition}: {counted(len(curve.points), 'point')} of steady sliding, {words}")
     for model in result.models:
         if model.found is None:
             lines += ["", f"{model.title}: not identified: {model.why_not}"]
             continue
-        count = "1 recording" if len(model.recordings) == 1 else f"{len(model.recordings)} recordings"
+        count = counted(len(model.recordings), "recording")
         lines += ["", f"{model.title}: {count}, error {model.found.error_percent:.1f} % of mean |friction|"]
         lines += [_line(each) for each in model.parameters]
     return lines

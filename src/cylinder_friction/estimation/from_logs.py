@@ -55,6 +55,7 @@ from cylinder_friction.recordings.conversion import SeenRecordings, logged_files
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, Logs, find_logs
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.reporting.friction_page import friction_pane, level_tables, pane_file, write_friction_page
+from cylinder_friction.wording import counted
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -273,7 +274,7 @@ def _bounds_in_words(run: LabelledLogs, bounded: bool, entries: Sequence[Frictio
         return "none: the model was never calibrated" if estimator.bounds is None else estimator.bounds.in_words()
     if bounded:
         loaded = sum(each.load_left_n is not None for each in entries)
-        but = f"; not in the {loaded} recordings whose friction holds a load" if loaded else ""
+        but = f"; not in {counted(loaded, 'recording')} whose friction holds a load" if loaded else ""
         return f"{LABEL_BOUNDS}{but}{assumed and '; '}{assumed}"
     typical = run.logs.with_sensor_class(TYPICAL_CLASS)
     if not typical.assumed:

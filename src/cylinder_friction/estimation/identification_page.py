@@ -33,7 +33,7 @@ CURVE_POINTS = 200
 HEADROOM = 1.25
 """Height of the curve's figure over its greatest friction. Wide intervals of few strokes are cut off there."""
 COLOURS = (ORANGE, BLUE)
-TIP = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
+TIP = "%{x:.3~g} mm/s, %{y:.4~g} N<br>strokes: %{customdata[0]}, rows: %{customdata[1]}<extra></extra>"
 
 
 def identification_page(result: FrictionModels, simulated: Sequence[tuple[Recording, Mapping[str, Array]]]) -> str:

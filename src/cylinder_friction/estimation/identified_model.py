@@ -30,7 +30,7 @@ from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.conversion import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows
-from cylinder_friction.wording import four_digits, with_unit
+from cylinder_friction.wording import counted, four_digits, with_unit
 
 SLOW_PARAMETERS = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")
 """Parameters that only slow sliding determines."""
@@ -343,9 +343,9 @@ def matlab_script(model: IdentifiedModel, cylinder: Cylinder) -> str:
 
 def _comments(model: IdentifiedModel, cylinder: Cylinder) -> list[str]:
     assert model.found is not None
-    count = len(model.recordings)
+    count = counted(len(model.recordings), "recording")
     origin = (
-        f"{model.title}: friction of {cylinder.name}, identified from {count} recording{'s' if count > 1 else ''}; "
+        f"{model.title}: friction of {cylinder.name}, identified from {count}; "
         f"mean error {model.found.error_percent:.1f} % of mean friction"
     )
     return [origin, *model.equation, *(SIGNS if model.pressure_scaled else SIGNS[:1])]

@@ -124,7 +124,7 @@ def in_words(found: Sequence[RecordingDifference]) -> str:
     if not equal:
         return ""
     friction = [each.friction_n for each in found]
-    spread = f"the mean in steady sliding is {min(friction):.0f} to {max(friction):.0f} N from recording to recording"
+    spread = f"the mean in steady sliding is {min(friction):z.0f} to {max(friction):z.0f} N from recording to recording"
     still = sorted((each for each in found if each.is_unexplained), key=lambda each: -abs(_newtons(each)))
     if not still:
         return f"{spread}; at equal pressures, speed and direction recordings agree within their scatter"

@@ -7,6 +7,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, refuse_impossible
+from cylinder_friction.wording import counted
 
 HUBER_NOISE_MULTIPLE = 1.345
 """Residual at which Huber's loss turns linear, in standard deviations of the noise; 95 % efficient on normal noise."""
@@ -88,8 +89,8 @@ def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = 
     velocity, friction = np.asarray(velocity_m_s, dtype=np.float64), np.asarray(friction_n, dtype=np.float64)
     if len(velocity) < CURVE_PARAMETERS:
         raise ValueError(
-            f"a Stribeck curve has {CURVE_PARAMETERS} parameters, but got {len(velocity)} points of steady sliding; "
-            "record more strokes at constant velocity, in both directions"
+            f"a Stribeck curve has {CURVE_PARAMETERS} parameters, but got {counted(len(velocity), 'point')} of steady "
+            "sliding; record more strokes at constant velocity, in both directions"
         )
     root_weight = np.sqrt(np.ones_like(velocity) if weight is None else weight / np.mean(weight))
     speed, level = np.abs(velocity), float(np.median(np.abs(friction)))

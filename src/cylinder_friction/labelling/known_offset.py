@@ -75,7 +75,7 @@ class KnownOffset:
     def value(self) -> str:
         """Offset and uncertainty as text."""
         if math.isfinite(self.offset_n):
-            return f"{self.offset_n:.1f} ± {self.uncertainty_n:.1f} N"
+            return f"{self.offset_n:z.1f} ± {self.uncertainty_n:.1f} N"
         return f"unknown, at most {self.uncertainty_n:.1f} N" if math.isfinite(self.uncertainty_n) else "unknown"
 
     def half_n(self, label_n: Array, load_n: float = 0.0) -> Array:
@@ -243,7 +243,7 @@ def _own_asymmetry_n(model: OffsetModel) -> float:
 def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
     return _from_strokes(
         found,
-        f"deviation from the mean of {len(model.sessions)} sessions of its condition ({found.strokes_extend} strokes "
+        f"deviation from the mean of {len(model.sessions)} sessions of its condition ({found.strokes_extend} "
         f"extending and {found.strokes_retract} retracting), if friction is as asymmetric in each: another ratio of "
         f"both directions, by {200.0 * abs(found.offset_n) / model.level_n:.1f} %, would look the same",
     )
@@ -286,8 +286,8 @@ def _known(
         together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
         return _from_strokes(
             found,
-            f"{found.strokes_extend} strokes extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} "
-            f"s, {together}",
+            f"{found.strokes_extend} extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} s, "
+            f"{together}",
             condition_n,
         )
     stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))

@@ -31,6 +31,7 @@ from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, Tra
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, POSITION
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.wording import counted
 
 GRID = 51
 """Number of positions at which the uncertainty is stored."""
@@ -141,7 +142,8 @@ class LoadIdentification:
     def sentence(self) -> str:
         """State the result in words."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
-        load = f"{low_n:.0f} N" if f"{low_n:.0f}" == f"{high_n:.0f}" else f"{low_n:.0f} to {high_n:.0f} N"
+        low, high = f"{low_n:z.0f}", f"{high_n:z.0f}"
+        load = f"{low} N" if low == high else f"{low} to {high} N"
         ranges_m = zip(self.others, () if self.around is None else self.around.ranges_m, strict=True)
         others = [f", {name} from {low:.3g} to {high:.3g} m" for name, (low, high) in ranges_m]
         return (
@@ -182,8 +184,8 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
     points = points.where(known if around is None else known & around.holds(_positions(points)))
     if len(points) < _LEAST_POINTS_PER_COEFFICIENT * 3:
         raise RecordingError(
-            f"load and friction cannot be separated: got {len(points)} points of 0.1 s where strokes of both "
-            f"directions overlap; expected at least {_LEAST_POINTS_PER_COEFFICIENT * 3}; record slower or more "
+            f"load and friction cannot be separated: got {counted(len(points), 'point')} of 0.1 s where strokes of "
+            f"both directions overlap; expected at least {_LEAST_POINTS_PER_COEFFICIENT * 3}; record slower or more "
             "strokes, or measure the load"
         )
     direction = np.sign(points.velocity_m_s)
@@ -224,8 +226,9 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         sure = scatter_n < MOST_SCATTER * coulomb
         if not sure.any():
             raise RecordingError(
-                f"the load is nowhere known to {MOST_SCATTER * coulomb:.0f} N, half of Coulomb friction, from "
-                f"{len(np.unique(points.stroke))} strokes; record more strokes with the other cylinders at rest"
+                f"the load is nowhere known to {MOST_SCATTER * coulomb:.0f} N, half of Coulomb friction, "
+                f"from {counted(len(np.unique(points.stroke)), 'stroke')}; record more strokes with the "
+                "other cylinders at rest"
             )
         loads_n = along[sure] @ load
         scatter_n = _worst_along(grid, around.middles_m[sure, 0], scatter_n[sure])

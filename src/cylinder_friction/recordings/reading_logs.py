@@ -30,6 +30,7 @@ from cylinder_friction.recordings.logs import Logs, Recipe, find_logs
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
+from cylinder_friction.wording import counted
 
 
 def read_recordings(
@@ -105,9 +106,9 @@ class Ingested:
 
     def summary(self) -> str:
         """Summarize the outcome for a person: one line in total, one per repair and one per refusal."""
-        seconds = sum(rows * metadata.sample_time_s for metadata, rows in self.recordings)
+        hours = sum(rows * metadata.sample_time_s for metadata, rows in self.recordings) / 3600.0
         lines = [
-            f"{len(self.recordings)} recordings ({seconds / 3600.0:.3g} h) from {self.files} files; "
+            f"{counted(len(self.recordings), 'recording')} ({hours:.3g} h) from {counted(self.files, 'file')}; "
             f"{len(self.repaired())} repaired or noted, {len(self.quarantined)} quarantined"
         ]
         lines += [f"  note         {note}" for note in self.notes]
@@ -175,5 +176,5 @@ def _not_read(source: Path, pattern: str, matching: list[Path]) -> list[str]:
     if not left_out:
         return []
     first = left_out[0].relative_to(source).as_posix()
-    files = "1 file" if len(left_out) == 1 else f"{len(left_out)} files"
+    files = counted(len(left_out), "file")
     return [f"{files} not read, for {pattern!r} does not match (first: {first}); see ingest.pattern"]

@@ -17,6 +17,7 @@ from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
 from cylinder_friction.reporting.summary import best_reference, leaders, ranked, verdict
 from cylinder_friction.tuning.space import RANGES
+from cylinder_friction.wording import counted
 
 AUDIT_HEADS = {
     "bias_n": "Bias [N]",
@@ -101,7 +102,7 @@ def offset_table(sessions: Sequence[Mapping[str, Any]]) -> Table:
         {
             "Session": itemgetter("session"),
             "Role": itemgetter("role"),
-            "Offset [N]": lambda each: f"{each['offset_n']:.1f}",
+            "Offset [N]": lambda each: f"{each['offset_n']:z.1f}",
             "Uncertainty [N]": lambda each: f"{each['standard_uncertainty_n']:.1f}",
             "Common to all [N]": lambda each: f"{each['common_uncertainty_n']:.1f}",
             "Stated zeros [N]": lambda each: f"{each['prior_n']:.1f}",
@@ -122,7 +123,7 @@ def difference_table(comparison: Comparison, main: str) -> Table:
         for condition in known:
             ahead, low, high = points_ahead(scores, main, name, condition)
             style = {"better": "good", "worse": "bad", "level": ""}[verdict(scores, main, name, condition)]
-            row.append(Cell(f"{ahead:+.2f}", _interval(low, high, "+.2f"), ahead, style=style))
+            row.append(Cell(f"{ahead:+z.2f}", _interval(low, high, "+z.2f"), ahead, style=style))
         rows.append(row)
     return Table(["Estimator", *(f"Condition {condition} [points]" for condition in known)], rows)
 
@@ -135,9 +136,9 @@ def detail_table(scores: Scores, condition: str) -> Table:
     for name, by_condition in scores.items():
         score, found = by_condition[condition], by_condition[condition].errors
         _, low, high = mean_percent(by_condition, [condition])
-        numbers = (f"{found.mae_n:.2f}", f"{found.rmse_n:.2f}", f"{found.bias_n:+.2f}", f"{found.p95_n:.1f}")
+        numbers = (f"{found.mae_n:.2f}", f"{found.rmse_n:.2f}", f"{found.bias_n:+z.2f}", f"{found.p95_n:.1f}")
         shares = (f"{found.percent:.2f}", _interval(low, high, ".2f"), f"{found.fit_percent:.1f}")
-        rows.append([title(name), *numbers, *shares, f"{found.range_nrmse_percent:.2f}", f"{1e3 * score.lag_s:+.1f}"])
+        rows.append([title(name), *numbers, *shares, f"{found.range_nrmse_percent:.2f}", f"{1e3 * score.lag_s:+z.1f}"])
     return Table(head, rows)
 
 
@@ -210,11 +211,13 @@ def residual_shape_table(analysis: Analysis) -> Table:
         ranked(analysis.comparison.label),
         {
             "Estimator": title,
-            "median [N]": lambda name: f"{found[name].median_n:+.2f}",
-            "quartiles [N]": lambda name: f"{found[name].lower_quartile_n:+.1f} … {found[name].upper_quartile_n:+.1f}",
+            "median [N]": lambda name: f"{found[name].median_n:+z.2f}",
+            "quartiles [N]": lambda name: (
+                f"{found[name].lower_quartile_n:+z.1f} … {found[name].upper_quartile_n:+z.1f}"
+            ),
             "standard deviation [N]": lambda name: f"{found[name].deviation_n:.1f}",
-            "skewness": lambda name: f"{found[name].skewness:+.2f}",
-            "excess kurtosis": lambda name: f"{found[name].excess_kurtosis:+.1f}",
+            "skewness": lambda name: f"{found[name].skewness:+z.2f}",
+            "excess kurtosis": lambda name: f"{found[name].excess_kurtosis:+z.1f}",
             "Jarque–Bera": lambda name: f"{found[name].jarque_bera:.3g} ({_p_value(found[name].jarque_bera_p)})",
         },
     )
@@ -225,7 +228,7 @@ def residual_memory_table(analysis: Analysis) -> Table:
     found, dependences = analysis.residuals, analysis.dependences
 
     def dependence(key: str, name: str) -> str:
-        return f"{dependences[name][key]:+.2f}"
+        return f"{dependences[name][key]:+z.2f}"
 
     return Table.of(
         ranked(analysis.comparison.label),
@@ -275,7 +278,7 @@ def markdown_tables(comparison: Comparison, published: bool = False) -> str:
     """
     notes = row_notes(comparison)
     against_label = error_table(comparison.label, comparison.conditions, "label", notes, published).markdown()
-    count = f"{comparison.sessions} held-out session{'s' if comparison.sessions > 1 else ''}"
+    count = counted(comparison.sessions, "held-out session")
     bold = "Bold: the smallest error of each condition, and errors that are not clearly larger."
     if all(len(score.sessions.percent) < 2 for score in comparison.label[comparison.estimators[0]].values()):
         bold = (
@@ -312,7 +315,7 @@ def _known(value: float | None, digits: str) -> str:
 
 
 def _audited(value: Any) -> str:
-    return "" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
+    return "" if value is None else f"{value:z.2f}" if isinstance(value, float) else str(value)
 
 
 def _p_value(value: float) -> str:

@@ -192,7 +192,7 @@ def _at(levels: Sequence[FrictionLevel], pressure_bar: float) -> Cell:
     for direction in (1, -1):
         own = [each for each in levels if each.pressure_bar == pressure_bar and each.direction == direction]
         seconds = sum(each.seconds for each in own)
-        both.append(f"{sum(each.friction_n * each.seconds for each in own) / seconds:.0f}" if own else "–")
+        both.append(f"{sum(each.friction_n * each.seconds for each in own) / seconds:z.0f}" if own else "–")
     return Cell(" / ".join(both)) if both != ["–", "–"] else NONE
 
 
@@ -208,7 +208,7 @@ def offset_table(offsets: Sequence[KnownOffset]) -> Table:
     rows: list[list[str | Cell]] = [
         [
             each.session,
-            *(number_cell(number, ".1f") for number in (each.offset_n, each.uncertainty_n, each.stated_n)),
+            *(number_cell(number, "z.1f") for number in (each.offset_n, each.uncertainty_n, each.stated_n)),
             each.source,
             Cell(each.words, style="words"),
         ]

@@ -274,7 +274,7 @@ NONE = Cell("–", style="none")
 """Cell of an unknown value."""
 
 
-def number_cell(value: float | None, digits: str = ".0f") -> Cell:
+def number_cell(value: float | None, digits: str = "z.0f") -> Cell:
     """Render a number as a cell that its column is sorted by; ``NONE`` if it is not finite."""
     return NONE if value is None or not math.isfinite(value) else Cell(f"{value:{digits}}", value=value)
 

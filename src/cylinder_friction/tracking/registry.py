@@ -30,6 +30,7 @@ from cylinder_friction.tracking.lineage import FILES, REASON, WRITTEN_ON_LOADING
 from cylinder_friction.tracking.log_run import allowed, find_run, log_in, log_pipeline
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
+from cylinder_friction.wording import counted
 
 ALIAS = "champion"
 REGISTERED_FILE = Path("models/registered.json")
@@ -54,7 +55,7 @@ class Tracked:
     version: str = "no model is registered yet"  # Description of the registered version
 
     def summary(self) -> str:
-        lines = [f"{len(self.logged)} runs logged, {len(self.present)} already there", self.version]
+        lines = [f"{counted(len(self.logged), 'run')} logged, {len(self.present)} already there", self.version]
         return "\n".join([*lines, *(f"not logged: {problem}" for problem in self.problems)])
 
 

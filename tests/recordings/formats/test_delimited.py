@@ -153,10 +153,10 @@ def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], no
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("t,p\n", "no rows of numbers were found in its first 1 lines"),
-        ("Dear reader,\nthere is no table here.\n", "no rows of numbers were found in its first 2 lines"),
-        ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 values: '5'; expected 2 as in the lines above it"),
-        ("# log 1\nt,p\n0,1\n1,2\n# log 2\nt,p\n0,3\n", "line 5 holds 1 values: '# log 2'"),
+        ("t,p\n", r"no rows of numbers were found \(lines searched: 1\)"),
+        ("Dear reader,\nthere is no table here.\n", r"no rows of numbers were found \(lines searched: 2\)"),
+        ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 instead of 2 values: '5'; correct it, or cut"),
+        ("# log 1\nt,p\n0,1\n1,2\n# log 2\nt,p\n0,3\n", "line 5 holds 1 instead of 2 values: '# log 2'"),
     ],
 )
 def test_what_is_no_table_is_refused(read, content: str, message: str) -> None:  # type: ignore[no-untyped-def]

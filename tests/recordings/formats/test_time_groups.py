@@ -153,11 +153,11 @@ BLANKS = HEADER.replace(";", " ") + "0 1 2 0 3\n" * 60 + "60 1 2\n"
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (SHORT, "line 3 holds 2 values: '5;1'; expected 5 as in the lines"),
-        (BLANKS, "holds 3 values: '60 1 2'; expected 5"),
-        (one_time_column("400;0.7;1.5"), "line 48 holds 3 values: '400;0.7;1.5'; expected 4"),
-        (one_time_column("400;5.01;0.7", "410;5.02;0.701;1.5"), "line 48 holds 3 values"),
-        (one_time_column("400;5.01;0.7", "stopped"), "line 48 holds 3 values"),
+        (SHORT, "line 3 holds 2 instead of 5 values: '5;1'; correct"),
+        (BLANKS, "holds 3 instead of 5 values: '60 1 2'"),
+        (one_time_column("400;0.7;1.5"), "line 48 holds 3 instead of 4 values: '400;0.7;1.5'"),
+        (one_time_column("400;5.01;0.7", "410;5.02;0.701;1.5"), "line 48 holds 3 instead"),
+        (one_time_column("400;5.01;0.7", "stopped"), "line 48 holds 3 instead"),
     ],
     ids=["above longer ones", "between blanks", "another channel's values", "a whole row behind", "no numbers"],
 )

@@ -116,7 +116,7 @@ def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter
     plan = OffsetPlan()
     load_n, half_n = up_and_down(position_m, signals.velocity_m_s, friction_n, usable, plan.slowest_m_s)
     if curve is not None and holds_load(load_n, half_n):
-        curve, no_curve = None, f"{load_n:.0f} N of the force do not turn with the direction, as friction would"
+        curve, no_curve = None, f"{load_n:z.0f} N of the force do not turn with the direction, as friction would"
     return FrictionView(
         signals=signals,
         force_name=PRESSURE_FORCE if has_pressures(labelled) else MEASURED_FORCE,

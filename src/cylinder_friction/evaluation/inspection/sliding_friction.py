@@ -27,7 +27,7 @@ class MeanFriction:
 
     def __str__(self) -> str:
         spread = f" ± {self.half_width_n:.0f}" if math.isfinite(self.half_width_n) else ""
-        return f"{self.mean_n:.0f}{spread}"
+        return f"{self.mean_n:z.0f}{spread}"
 
 
 def sliding_friction(view: FrictionView) -> dict[str, MeanFriction]:
@@ -79,7 +79,7 @@ def friction_finding(
     held = f"{four_digits(load_n)} N does not turn with the direction" if view.carries_load else ""
     held = held or too_uneven(load_n, half_n, zero_n, plan)
     if half_n < 0.0 or (not held and min(each.mean_n for each in friction.values()) <= 0.0):
-        found = f"{half_n:.0f} N at equal position" if half_n < 0.0 else f"{text} against the motion"
+        found = f"{half_n:z.0f} N at equal position" if half_n < 0.0 else f"{text} against the motion"
         remedy = "the position counts the other way or is disturbed, the pressures are swapped, or a load acts"
         return Finding("friction", "refused", f"friction would push the piston ({found}): {remedy}")
     if held:
@@ -93,5 +93,5 @@ def friction_finding(
     if view.unknown:
         return Finding("friction", "noted", f"friction unknown: {view.unknown}; {text}, in which a load would not show")
     return Finding(
-        "friction", "ok", f"friction {half_n:.0f} N (half of extending less retracting at equal positions); {text}"
+        "friction", "ok", f"friction {half_n:z.0f} N (half of extending less retracting at equal positions); {text}"
     )

@@ -229,8 +229,8 @@ class _Rows:
         for number, line in self._lines():
             if (count := len(split_cells(line, self.layout.delimiter))) != width:
                 raise RecordingError(
-                    f"line {number} holds {count} values: {line[:80]!r}; expected {width} as in the lines above it; "
-                    "correct the line, or cut the file there if it holds two logs"
+                    f"line {number} holds {count} instead of {width} values: {line[:80]!r}; correct it, or cut the "
+                    "file there if it holds two logs"
                     + (", or export it separated by tab or semicolon" if self.layout.delimiter == "whitespace" else "")
                 )
 
@@ -317,7 +317,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     grids = [grid for delimiter in tried if (grid := _grid(looked_at, delimiter, decimal)) is not None]
     if not grids:
         raise RecordingError(
-            f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
+            f"no rows of numbers were found (lines searched: {len(content)}); expected a table: a line of names and "
             "one line per sample; name the delimiter and the decimal sign if they are unusual"
         )
     grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))

@@ -19,9 +19,10 @@ from cylinder_friction.recordings.recording import (
     Signal,
     Start,
 )
-from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, counted, find_timelines
+from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
 from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRules, even_rate, whole_hertz
+from cylinder_friction.wording import counted
 
 Number = TypeVar("Number", int, float)
 Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]]]

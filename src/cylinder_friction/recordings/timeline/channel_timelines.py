@@ -18,6 +18,7 @@ from cylinder_friction.recordings.timeline.timestamps import (
     printed_resolution,
     whole_hertz,
 )
+from cylinder_friction.wording import counted
 
 RUNS_ON = 16
 """Number of rows before and after a backward step that must be in order for the step to be a restart of the clock."""
@@ -56,7 +57,7 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
     lost = np.flatnonzero(~finite & ~blank)
     logged = len(rows) + len(lost)
     if logged < 3:
-        raise RecordingError(f"has {logged} rows, expected at least 3")
+        raise RecordingError(f"has {counted(logged, 'row')}, expected at least 3")
     most_damaged = max(3.0, DAMAGED_SHARE * logged)
     repairs = []
     if len(lost):
@@ -204,10 +205,6 @@ def _refuse_short_seconds(stamps: OrderedStamps, firsts: Indices, stretch: Indic
 def _means(values: Array, groups: Indices) -> Array:
     means: Array = np.bincount(groups, weights=values) / np.bincount(groups)
     return means
-
-
-def counted(count: int, thing: str) -> str:
-    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 @dataclass(frozen=True)

@@ -49,8 +49,8 @@ def _means(panes: Sequence[Pane]) -> list[tuple[str, str]]:
 
 
 def _mean(way: str, values: Sequence[float]) -> str:
-    spread = f" ({min(values):.0f} to {max(values):.0f} N)" if len(values) > 1 else ""
-    return f"{fmean(values):.0f} N {way}{spread}"
+    spread = f" ({min(values):z.0f} to {max(values):z.0f} N)" if len(values) > 1 else ""
+    return f"{fmean(values):z.0f} N {way}{spread}"
 
 
 def _files(panes: Sequence[Pane]) -> Table:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from cylinder_friction.evaluation.inspection.subject import OUTCOMES, VERDICTS, Inspected, count_outcomes, worst_first
 from cylinder_friction.labelling.known_offset import NOTHING, KnownOffset
 from cylinder_friction.reporting.friction_page import offset_lines
+from cylinder_friction.wording import counted
 
 
 def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:
@@ -32,4 +33,4 @@ def _summary(subjects: Sequence[Inspected]) -> str:
     counts = count_outcomes(subjects)
     total = sum(counts.values())
     shown = ", ".join(f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome])
-    return f"{total} {'file' if total == 1 else 'files'}" + (f": {shown}" if shown else "")
+    return counted(total, "file") + (f": {shown}" if shown else "")
