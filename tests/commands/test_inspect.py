@@ -230,6 +230,7 @@ def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(
         (["nowhere", "ingest=rig"], "nowhere: neither a file nor a folder"),
         (["conf", "ingest=rig"], "conf: no file matches '*.csv'; name another folder or ingest.pattern"),
         (["conf", "ingest=none_such"], "none_such"),
+        (["a.csv", "--output", "page.txt"], "--output: expected a file whose name ends in .html, but got 'page.txt'"),
         (["a.csv", "b.csv", "ingest=rig"], "got 'b.csv' after 'a.csv'; to inspect several files, name the folder"),
     ],
 )

@@ -115,6 +115,8 @@ def _short_path(path: Path, *folders: Path) -> str:
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.output.suffix.lower() not in (".html", ".htm"):
+        raise ParamsError(f"--output: expected a file whose name ends in .html, but got {options.output.name!r}")
     stated = any(getattr(options, name) for name in ("cylinder", "channels", "load", "unit", "names", "dbc"))
     in_project = PARAMS_FILE.is_file() or any("=" in each or each.startswith("~") for each in options.overrides)
     if stated or options.sensor_class is not None or not in_project:
