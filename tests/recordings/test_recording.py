@@ -34,7 +34,7 @@ def test_a_column_of_another_shape_is_refused(values: Array) -> None:
 def test_a_measured_column_stays_complete_and_finite() -> None:
     bad = np.array([0.0, 1.0, np.nan, 3.0, 4.0])
     for make in (lambda: Recording(ABOUT, COLUMNS | {"position_m": bad}), lambda: WHOLE.with_columns(position_m=bad)):
-        with pytest.raises(RecordingError, match=r"position_m is nan at row 2 \(1 such values in all\)"):
+        with pytest.raises(RecordingError, match=r"position_m is nan at row 2 \(1 in all\)"):
             make()
     with pytest.raises(RecordingError, match="column 'position_m' is missing; got columns"):
         WHOLE.without_columns("position_m")

@@ -165,7 +165,7 @@ def _checked_samples(columns: Mapping[str, Column], inputs: tuple[str, ...]) -> 
     if bad.any():
         row, at = (int(index) for index in np.argwhere(bad)[0])
         raise ScoringError(
-            f"{inputs[at]} is {samples[row, at]} at row {row} ({int(bad.sum())} such values in all); expected "
+            f"{inputs[at]} is {samples[row, at]} at row {row} ({int(bad.sum())} in all); expected "
             "finite numbers; repair or remove these rows before sending"
         )
     return samples

@@ -299,7 +299,7 @@ def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPL
         row, column = (int(index) for index in np.argwhere(bad)[0])
         raise RecordingError(
             f"{where}: {columns[column]} is {samples[row, column]} at row {row} "
-            f"({int(bad.sum())} such values in all); expected finite numbers; repair or cut them before estimating"
+            f"({int(bad.sum())} in all); expected finite numbers; repair or cut them before estimating"
         )
 
 

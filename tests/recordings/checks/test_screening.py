@@ -42,8 +42,8 @@ def with_values(rows: slice | list[int], value: float | Array) -> Array:
     ("values", "rows", "message"),
     [
         (with_values([700, 900], -62.5e5), [700, 900], "a sensor of 0 to 250 bar (4 to 20 mA) cannot read; taken as"),
-        (with_values([50, 51], 250e5), [50, 51], "is 250 bar in row 51 (2 such rows in all), the end of its sensor's"),
-        (with_values([30, 31, 32], 1e5), [30, 31, 32], "is 1 bar in row 31 (3 such rows in all), a spike"),
+        (with_values([50, 51], 250e5), [50, 51], "is 250 bar in row 51 (2 in all), the end of its sensor's"),
+        (with_values([30, 31, 32], 1e5), [30, 31, 32], "is 1 bar in row 31 (3 in all), a spike"),
     ],
 )
 def test_a_few_bad_samples_become_missing_and_are_told(values: Array, rows: list[int], message: str) -> None:
@@ -57,10 +57,10 @@ def test_a_few_bad_samples_become_missing_and_are_told(values: Array, rows: list
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (with_values(slice(1000, 2000), -62.5e5), r"1001 \(1000 such rows in all\), .* expected at most 6, .* wire"),
+        (with_values(slice(1000, 2000), -62.5e5), r"1001 \(1000 in all\), .* expected at most 6, .* wire"),
         (with_values(slice(1000, 1011), 262e5), "in row 1001 .* the sensor is saturated, at most 11 .* wider"),
         (with_values(slice(10, 5990, 100), 90e5), r"a spike: .*; expected at most 6, and 10 in a row; check wire"),
-        (with_values(slice(10, 5000, 100), np.inf), r"is inf in row 11 \(50 such rows in all\).* exported"),
+        (with_values(slice(10, 5000, 100), np.inf), r"is inf in row 11 \(50 in all\).* exported"),
     ],
 )
 def test_many_bad_samples_are_refused(values: Array, message: str) -> None:
@@ -129,6 +129,6 @@ def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> Non
     values = np.full(len(time_s), np.nan)
     values[7::10] = with_values([3000], 60e5)
     signals, (said,) = screen_signals({"pressure_1_pa": Signal(time_s, values)}, LIMITS, STROKE_M)
-    assert "pressure_1_pa is 60 bar in row 30008 (1 such rows in all), a spike" in said
+    assert "pressure_1_pa is 60 bar in row 30008 (1 in all), a spike" in said
     screened = signals["pressure_1_pa"].values
     assert np.flatnonzero(np.isnan(screened) & ~np.isnan(values)).tolist() == [30007]

@@ -214,7 +214,7 @@ TWICE = LoggedTable(pd.concat([logged().channels, logged().channels[["a"]]], axi
         ([TWICE], {}, "'a' (for 'pressure_1_pa') occurs 2 times"),
         (RUNS, {}, "channel 'a' (for 'pressure_1_pa') occurs in tables 'run 1', 'run 2'; state which as channels.p"),
         (RUNS, {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}, "is missing; got tables 'run 1', 'run 2'"),
-        ([logged(a=["1.0", "open"])], {}, "'a' (for 'pressure_1_pa') holds 'open' in row 2 (1 such rows in all);"),
+        ([logged(a=["1.0", "open"])], {}, "'a' (for 'pressure_1_pa') holds 'open' in row 2 (1 in all);"),
         ([logged(t=["12:30", "12:31"])], {}, "'t' (for 'time_s') holds '12:30' in row 1"),
         ([logged(a=pd.to_datetime(["2026-01-01", "2026-01-02"]))], {}, "'a' (for 'pressure_1_pa') holds dates"),
         ([logged(units={"a": "MPa"})], {}, "'pressure_1_pa'): the file states the unit 'MPa', but it is read in 'bar'"),

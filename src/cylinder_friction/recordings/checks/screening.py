@@ -106,7 +106,7 @@ def _note(
     first, count, few = int(rows[int(np.argmax(bad))]), int(bad.sum()), max(FEW_ROWS, math.floor(MOST_BAD * len(bad)))
     longest, (wrong, remedy) = int(np.diff(true_runs(bad), axis=1).max()), KINDS[kind]
     value = spoken(column, values[first]) if math.isfinite(values[first]) else values[first]
-    what = f"{column} is {value} in row {first + 1} ({count} such rows in all)"
+    what = f"{column} is {value} in row {first + 1} ({count} in all)"
     what += wrong.format(range=sensor.described if sensor else "")
     if count > few or longest > LONGEST_BAD:
         expected = f"expected at most {few}, and {LONGEST_BAD} in a row"

@@ -262,7 +262,8 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     line = line.rstrip("\r\n")
     if delimiter == "whitespace":
         return [token.strip('"') for token in _TOKEN.findall(line)]
-    quoted = csv.reader([line], delimiter=delimiter, skipinitialspace=True) if '"' in line else ()
+    in_quotes = '"' in line and len(line) <= csv.field_size_limit()  # a longer field is an error in the module csv
+    quoted = csv.reader([line], delimiter=delimiter, skipinitialspace=True) if in_quotes else ()
     return [cell.strip() for cell in next(iter(quoted), line.split(delimiter))]
 
 

@@ -303,7 +303,7 @@ def _numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array
     rows = np.flatnonzero(np.isnan(values) & raw.notna().to_numpy())
     if len(rows):
         raise RecordingError(
-            f"channel {channel!r} (for {column!r}) holds {raw.iloc[rows[0]]!r} in row {rows[0] + 1} "
-            f"({len(rows)} such rows in all); expected numbers in {unit}; repair or cut the log"
+            f"channel {channel!r} (for {column!r}) holds {str(raw.iloc[rows[0]])[:80]!r} in row {rows[0] + 1} "
+            f"({len(rows)} in all); expected numbers in {unit}; repair or cut the log"
         )
     return values
