@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -5,11 +6,13 @@ import numpy as np
 import pytest
 
 from boom import boom_load, boom_points
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.load import LoadPlan, identify_load
 from cylinder_friction.labelling.pooled_load import POOLED_PLACES, pooled_load
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.strokes import TravelCovered
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 
 
 def test_load_and_friction_of_a_boom_are_found() -> None:
@@ -43,6 +46,22 @@ def test_a_constant_asymmetry_goes_into_the_load_and_is_within_its_uncertainty(a
     assert error.mean() == pytest.approx(-asymmetry_n, abs=5.0)
     assert (np.abs(error) < 2.0 * found.uncertainty_n(grid)).all()
     assert found.asymmetry_n >= 0.15 * found.coulomb_n
+
+
+def test_the_load_as_stated_is_uncertain_by_the_zeros_that_it_absorbed(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    zero_n, recording = 50.0, labelled_recordings[0]
+    points = boom_points()
+    found = identify_load(replace(points, force_n=points.force_n + zero_n), LoadPlan(asymmetry=0.0))
+    half_n = []
+    for zero_pa in (0.0, zero_n / math.hypot(cylinder.piston_area_m2, cylinder.annulus_area_m2)):
+        stated = dict.fromkeys(PRESSURES, SensorUncertainty(zero_pa, 0.0))
+        about = replace(recording.metadata, uncertainty=stated)
+        words = found.sentence(replace(recording, metadata=about), cylinder)
+        half_n.append(float(words.split("± ")[1].split(" N")[0]))
+    grid = np.linspace(*found.coverage.range_m, 40)
+    assert half_n[0] < np.abs(found.load_n(grid) - boom_load(grid)).max() < half_n[1]
 
 
 def test_the_load_of_several_sessions_is_their_mean_and_as_uncertain_as_one_more() -> None:

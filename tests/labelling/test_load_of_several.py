@@ -43,7 +43,9 @@ def following(time_s: Array, position_m: Array) -> Array:
 
 
 @pytest.mark.parametrize("other_m", [wandering, following])
-def test_load_and_friction_are_found_where_strokes_went(other_m) -> None:  # type: ignore[no-untyped-def]
+def test_load_and_friction_are_found_where_strokes_went(  # type: ignore[no-untyped-def]
+    other_m, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
     points = boom_points(other_m=other_m)
     found = identify_load(points, LoadPlan(), OTHER)
     places = np.column_stack([points.position_m, points.others_m])
@@ -56,7 +58,7 @@ def test_load_and_friction_are_found_where_strokes_went(other_m) -> None:  # typ
     assert (found.other_order > 0) == (other_m is wandering)
     assert not found.knows(places + np.array([0.0, 0.1])).any()
     assert TypeAdapter(LoadIdentification).validate_json(json.dumps(asdict(found))) == found
-    assert f", {OTHER[0]} from 0." in found.sentence()
+    assert f", {OTHER[0]} from 0." in found.sentence(labelled_recordings[0], cylinder)
 
 
 def test_sessions_together_know_what_each_of_them_knows() -> None:

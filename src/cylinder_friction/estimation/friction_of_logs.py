@@ -140,7 +140,7 @@ class RecordingFriction:
         if estimator is None:
             known = LOADED.get(self.labeller.load, "")
             evidence = offset_evidence(labelled, self.labeller.cylinder, PLAN, *self._halves(labelled), known)
-        load = "" if of_session is None else of_session.sentence()
+        load = "" if of_session is None else of_session.sentence(recording, self.labeller.cylinder)
         off_n = self._stated_load_n(labelled) if of_session is None else of_session.expanded_n
         return LabelledRecording(each.metadata, labelled, each.samples, evidence, load, len(labelled), off_n)
 

@@ -21,16 +21,13 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.labelling.robust import (
-    RobustFit,
-    clustered_covariance,
-    clustered_half_widths,
-    robust_fit,
-)
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.robust import RobustFit, clustered_covariance, clustered_half_widths, robust_fit
+from cylinder_friction.labelling.sliding_blocks import zero_uncertainty_n
 from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, TravelCovered, coverage_of, others_covered
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, POSITION
 from cylinder_friction.recordings.line_loss import RECTANGULAR
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.wording import counted
 
 GRID = 51
@@ -139,23 +136,25 @@ class LoadIdentification:
         known = self.coverage.holds(rows[:, 0])
         return known if self.around is None else known & self.around.holds(rows)
 
-    def sentence(self) -> str:
-        """State the result in words."""
+    def sentence(self, recording: Recording, cylinder: Cylinder) -> str:
+        """State the result in words. The load has absorbed the zeros of the recording's sensors."""
+        zero_n = zero_uncertainty_n(recording, cylinder)
+        half_n = math.hypot(self.expanded_n, COVERAGE_FACTOR * (zero_n or 0.0))
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
         low, high = f"{low_n:z.0f}", f"{high_n:z.0f}"
         load = f"{low} N" if low == high else f"{low} to {high} N"
         ranges_m = zip(self.others, () if self.around is None else self.around.ranges_m, strict=True)
         others = [f", {name} from {low:.3g} to {high:.3g} m" for name, (low, high) in ranges_m]
         return (
-            f"the load is {load} ± {self.expanded_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{''.join(others)}, "
+            f"the load is {load} ± {half_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{''.join(others)}, "
             f"from strokes ({self.strokes_extend} out, {self.strokes_retract} in); "
             f"± {COVERAGE_FACTOR * self.asymmetry_n:.0f} N of that is asymmetric friction, which strokes do not tell "
-            "from a load"
+            f"from a load{'; zeros, which are not stated, come on top' if zero_n is None else ''}"
         )
 
     @property
     def expanded_n(self) -> float:
-        """Expanded uncertainty (k = 2) of the load [N], the median over positions."""
+        """Expanded uncertainty (k = 2) of load plus zeros, and so of friction [N], the median over positions."""
         return COVERAGE_FACTOR * math.hypot(float(np.median(self.scatter_n)), self.asymmetry_n)
 
 

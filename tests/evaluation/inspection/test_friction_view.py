@@ -42,7 +42,7 @@ def test_a_known_load_is_taken_off(cylinder: Cylinder, labeller: Labeller, filte
     with_cell = loaded.with_columns(load_force_n=np.full(12000, 4000.0))
     for recording, load, words in (
         (with_cell, "measured", "Load: measured."),
-        (loaded, "position", "A constant difference between the directions counts as load."),
+        (loaded, "position", "a load; zeros, which are not stated, come on top. A1"),
     ):
         view = friction_view(recording, replace(labeller, load=load), filters["savitzky_golay"])
         assert view.friction_name == "friction"

@@ -102,7 +102,7 @@ def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter
     labelled = labeller.label(smooth, method, identified)
     load = "none" if labeller.load == "none" else "measured"
     if identified is not None and identified.load is not None:
-        load = f"{identified.load.sentence()}. A constant difference between the directions counts as load"
+        load = identified.load.sentence(recording, labeller.cylinder)
     signals = signals_of(smooth)
     position_m, sample_time_s = labelled.column("position_m"), labelled.sample_time_s
     friction_n, usable, support = labelled.column("friction_n"), labelled.usable(), method.support(sample_time_s)
