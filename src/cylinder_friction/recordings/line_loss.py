@@ -24,19 +24,19 @@ class LineLoss:
         ValueError: Neither or both of the two are stated, or a number is out of range.
     """
 
-    bar: float | None = None  # Loss at ``speed_m_s`` [bar]
-    speed_m_s: float | None = None  # Speed of the piston [m/s]
+    bar: float = 0.0  # Loss at ``speed_m_s`` [bar]
+    speed_m_s: float = 0.0  # Speed of the piston [m/s]
     laminar_percent: float = 0.0  # Part of the loss that is proportional to speed [%]
-    length_m: float | None = None  # Length of the hose [m]
-    bore_mm: float | None = None  # Inner diameter of the hose [mm]
-    oil_mm2_s: float | None = None  # Kinematic viscosity of the oil during operation [mm²/s]
+    length_m: float = 0.0  # Length of the hose [m]
+    bore_mm: float = 0.0  # Inner diameter of the hose [mm]
+    oil_mm2_s: float = 0.0  # Kinematic viscosity of the oil during operation [mm²/s]
     uncertainty_percent: float = 20.0  # Largest error of the stated loss [± %]
     area_m2: float = 0.0  # Area of the piston on this side, for the flow in a hose [m²]; set from the cylinder
 
     def __post_init__(self) -> None:
         measured, hose = (self.bar, self.speed_m_s), (self.length_m, self.bore_mm, self.oil_mm2_s)
-        stated = [one for one in (measured, hose) if any(value is not None for value in one)]
-        if len(stated) != 1 or not all(value is not None and 0.0 < value < math.inf for value in stated[0]):
+        stated = [one for one in (measured, hose) if any(one)]
+        if len(stated) != 1 or not all(0.0 < value < math.inf for value in stated[0]):
             raise ValueError(
                 "sensor: line_loss: expected positive bar and speed_m_s, or positive length_m, bore_mm and oil_mm2_s, "
                 f"but got { ({name: value for name, value in vars(self).items() if value}) }"
@@ -53,7 +53,7 @@ class LineLoss:
     def in_words(self) -> str:
         """Describe the loss in words."""
         unsure = f"± {self.uncertainty_percent:g} %"
-        if self.bar is not None:
+        if self.bar:
             return f"{self.bar:g} bar at {self.speed_m_s:g} m/s {unsure}"
         return f"{self.length_m:g} m of {self.bore_mm:g} mm bore {unsure}"
 
@@ -62,10 +62,9 @@ class LineLoss:
 
         ``velocity_m_s`` is the velocity of the piston, positive while oil flows towards the chamber.
         """
-        if self.bar and self.speed_m_s:
+        if self.bar:
             part, laminar = velocity_m_s / self.speed_m_s, self.laminar_percent / 100.0
             return self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part))
-        assert self.length_m and self.bore_mm and self.oil_mm2_s  # noqa: PT018 - as stated
         bore_m, viscosity_m2_s = 1e-3 * self.bore_mm, 1e-6 * self.oil_mm2_s
         flow_m_s = velocity_m_s * self.area_m2 / (0.25 * math.pi * bore_m**2)
         reynolds = np.maximum(np.abs(flow_m_s) * bore_m / viscosity_m2_s, 1e-9)
