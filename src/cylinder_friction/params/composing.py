@@ -6,11 +6,12 @@ from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException
+from hydra.errors import HydraException, MissingConfigException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cylinder_friction.params.file import IN_A_PROJECT, ParamsError
+from cylinder_friction.wording import in_brief
 
 CONF = Path("conf")
 DEFAULT = "default"
@@ -29,11 +30,11 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     try:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base="1.3"):
             content = OmegaConf.to_container(compose("config", list(overrides)), resolve=True)
+    except MissingConfigException as error:
+        expected = f"; expected one of {', '.join(error.options)}" if error.options else ""
+        raise ParamsError(f"{conf}: there is no {error.missing_cfg_file!r}{expected}") from error
     except (HydraException, OmegaConfBaseException) as error:
-        words = str(error).partition("\nConfig search path")[0].removeprefix("In 'config': ")  # a list, a name per line
-        for layout, sign in ((":\n\t", ": "), ("\n\t", ", "), ("\n\n", "; "), ("\n", " ")):
-            words = words.replace(layout, sign)
-        raise ParamsError(f"{conf}: {words}") from error
+        raise ParamsError(f"{conf}: {in_brief(error, 500)}") from error
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}
 
