@@ -63,7 +63,7 @@ _LEAST_NOISE = 1e-4
 _LEAST_FRICTION = 0.1
 """Least friction of a session, over the level of all, that tells how asymmetric friction is."""
 _STARTS = (0.003, 0.03, 0.15)
-"""Further starts of the search for a session's own asymmetry, since offset and asymmetry explain much the same."""
+"""Starts of the search for a session's own asymmetry, since offset and asymmetry explain much the same."""
 MAY_DIFFER = 0.25
 """Share of the common asymmetry by which conditions may differ, or two sessions; sessions less if there are more."""
 _QUANTITY, _RIPPLE = 0.3, 0.05
@@ -321,9 +321,11 @@ def offset_model(
         kept = _session_offsets(np.zeros(len(sessions)), priors_n, sessions, seen_n)
         return replace(model, sessions={each.session: each for each in kept})
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
-    guess = expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
+    expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
+    starts = [np.concatenate([expected[:2], [math.log(own)], expected[3:]]) for own in _STARTS]
     for _ in range(PASSES):
-        model, guess, offsets = _fitted(model, plan, sessions, guess, expected)
+        model, found, offsets = _fitted(model, plan, sessions, starts, expected)
+        starts = [found]
     return _with_sessions(model, sessions, *offsets)
 
 
@@ -359,12 +361,12 @@ def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylind
 
 
 def _fitted(
-    model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SlidingBlocks], guess: Array, expected: Array
+    model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SlidingBlocks], starts: Sequence[Array], expected: Array
 ) -> tuple[OffsetModel, Array, tuple[Array, Array]]:
     """Fit a model, without its sessions, given the friction levels of ``model``.
 
     Return the model, the logarithms of its standard deviations, and the posterior means and standard deviations of the
-    sessions' offsets. The search for the logarithms begins at ``guess`` and expects values near ``expected``.
+    sessions' offsets. The search for the logarithms begins at each of ``starts`` and expects values near ``expected``.
     """
     from scipy.optimize import minimize  # a third of a second, which a run with nothing new need not wait for
 
@@ -385,7 +387,6 @@ def _fitted(
         parts = searched.reduced(*variances(logarithms))
         return solved(precision, nothing, parts).minus_twice_likelihood + float(surprise)
 
-    starts = [guess, *(np.concatenate([guess[:2], [math.log(own)], guess[3:]]) for own in _STARTS)]
     options = {"xatol": 0.02, "fatol": 0.02, "maxiter": 500}
     searches = [minimize(objective, start, method="Nelder-Mead", options=options) for start in starts]
     found = min(searches, key=lambda search: float(search.fun)).x
