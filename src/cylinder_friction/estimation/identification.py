@@ -251,15 +251,15 @@ class ModelSearch:
             found = identify(model, recordings, self.velocities, pressure, effort, **given)
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
-        steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE, shift_n)
+        steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE, shift_n, model.pressure_scaled)
         intervals = found.intervals | {"viscous_n_s_m": steady["viscous_n_s_m"]}
         for name, (lower, upper) in intervals.items():
             value = found.parameters.value(name)
             share = LEAST_SHARE_OF_STIFFNESS if name == "bristle_stiffness_n_m" else LEAST_SHARE
             least = max(share * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
             intervals[name] = _holding((lower, upper), value - least, value + least)
-        if pressure is None:  # With pressure, steady sliding shows other quantities
-            intervals["coulomb_n"] = _holding(steady["coulomb_n"], *intervals["coulomb_n"])
+        intervals["coulomb_n"] = _holding(steady["coulomb_n"], *intervals["coulomb_n"])
+        if len(conditions) == 1:  # The curve through points of several conditions mixes their pressures
             share = found.curve.retract_ratio / found.parameters.value("retract_ratio")
             other = [share * limit for limit in intervals["retract_ratio"]]
             intervals["retract_ratio"] = _holding(intervals["retract_ratio"], *other)

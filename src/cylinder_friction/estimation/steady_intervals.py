@@ -71,15 +71,15 @@ def velocities_on_offer(noise_m: float, sample_time_s: float) -> dict[str, Calla
 
 
 def steady_intervals(
-    recordings: Sequence[Recording], cylinder: Cylinder, confidence: float, zeros_n: float = 0.0
+    recordings: Sequence[Recording], cylinder: Cylinder, confidence: float, zeros_n: float = 0.0, at_zero: bool = False
 ) -> dict[str, tuple[float, float]]:
     """Compute confidence intervals of viscous friction [N s/m] and Coulomb friction [N] from labelled recordings.
 
     In the fit, dry friction may fall with speed and change with pressure, in each direction in its own way, and each
     recording has its own level. Pressure is that of the side that the oil leaves, as the other one contains friction.
     Blocks of a stroke count as one. What strokes do not tell apart widens the intervals, which are infinite without
-    enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures; the
-    sensors' zeros may shift it by ``zeros_n``.
+    enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures or
+    ``at_zero`` pressure; the sensors' zeros may shift it by ``zeros_n``.
     """
     parts = [sliding_blocks(each, cylinder, prior_n=0.0) for each in recordings]
     blocks = SlidingBlocks.together(parts)
@@ -90,7 +90,7 @@ def steady_intervals(
     known = [speed, *(column for way in ways for column in _levels(way, part))]
     if set(PRESSURES) <= blocks.columns.keys():
         leaving_bar = [1e-5 * blocks.columns[name] for name in reversed(PRESSURES)]
-        known += [way * (bar - bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
+        known += [way * (bar - (not at_zero) * bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
     strokes, fits = np.unique(blocks.stroke, return_inverse=True)[1].astype(np.int64), []
     for stribeck_m_s in (NO_FALL_M_S, *STRIBECK_SPEEDS_M_S):
         design = np.column_stack([*known, np.exp(-speed / stribeck_m_s)])
