@@ -29,6 +29,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.friction_models.identification.steady_points import PRESLIDING_TRAVEL_M
 from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, up_and_down
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S, SPECIMENS, RigRecording, campaign
 from cylinder_friction.rig.campaign_plan import CampaignPlan
@@ -47,6 +48,8 @@ SLOWEST_M_S = 0.004
 ALIKE, FEWEST = 0.12, 5
 """Logarithm of the ratio within which velocities are alike, and fewest recordings that show friction at one."""
 WEIGHT_N = 4218.0
+SCALED = "pressure-scaled"
+"""In the title of the model whose parameters are those at zero pressure."""
 LOAD = r"the load is (-?[\d.]+)(?: to (-?[\d.]+))? N ± (\d+) N"
 
 
@@ -120,7 +123,7 @@ class Simulated:
         return [each for each in self.recorded if each.metadata.name.startswith(name)]
 
     def sliding(self, name: str) -> pd.DataFrame:
-        """Return rows that slide: direction, dry friction against motion and viscous friction [N s/m]."""
+        """Return rows that slide: direction, dry friction against motion, also at zero pressure, viscous [N s/m]."""
         tables = list[pd.DataFrame]()
         for each in self.own(name):
             truth, constants = each.truth, self.friction
@@ -129,7 +132,14 @@ class Simulated:
             viscous = constants.viscous_n_s_m * thin
             speed = truth["velocity_m_s"].to_numpy()
             dry = np.abs(truth["friction_n"].to_numpy()) - viscous * np.abs(speed)
-            table = pd.DataFrame({"direction": np.sign(speed), "dry_n": dry, "viscous": viscous})
+            higher, rod = (
+                1e-5 * np.maximum(truth[columns].to_numpy().max(axis=1), 0.0)
+                for columns in (["pressure_1_pa", "pressure_2_pa"], ["pressure_2_pa"])
+            )
+            seals_n = constants.piston_seal_n * higher**0.8 + constants.rod_seal_n * rod**0.7
+            free_n = constants.coulomb_n * (1.0 - constants.coulomb_temperature_1_k * (warm_c - REFERENCE_C))
+            columns = {"dry_n": dry, "dry_at_zero_n": dry * free_n / (free_n + seals_n), "viscous": viscous}
+            table = pd.DataFrame({"direction": np.sign(speed), **columns})
             tables.append(table.loc[np.abs(speed) > SLIDING_M_S])
         return pd.DataFrame(pd.concat(tables))
 
@@ -168,9 +178,11 @@ class Simulated:
         return float((ways[-1.0] - ways[1.0]) / (ways[-1.0] + ways[1.0]))
 
     def uneven_n(self, name: str) -> float:
-        """Return what does not turn with the direction: weight, zeros, and half the difference of friction [N]."""
-        level_n = float(self.sliding(name)["dry_n"].mean())
-        return self.world.weight_n + self.zero_n(name) - self.uneven(name) * level_n
+        """Return what does not turn with the direction: weight, zeros, and half the sum of friction up and down [N]."""
+        truth = pd.concat([each.truth for each in self.own(name)])
+        x_m, v_m_s, f_n = (truth[column].to_numpy() for column in ("position_m", "velocity_m_s", "friction_n"))
+        even_n, _ = up_and_down(x_m, v_m_s, f_n, np.ones(len(truth), dtype=np.bool_), OffsetPlan().slowest_m_s)
+        return self.world.weight_n + self.zero_n(name) + even_n
 
     def mean_holds(self, name: str, given: tuple[float, ...]) -> bool:
         """Return whether the mean friction of both directions, and the weight nobody took off, lies within ±."""
@@ -187,11 +199,11 @@ class Simulated:
         share = speed_m_s / LOSS_SPEED_M_S
         return self.world.line_bar * share * (0.2 + 0.8 * share)
 
-    def parameter(self, name: str, condition: str = "condition1") -> tuple[float, float] | None:
+    def parameter(self, name: str, condition: str = "condition1", dry: str = "dry_n") -> tuple[float, float] | None:
         """Return least and greatest true value of a parameter in the sessions of a condition; None if there is none."""
         sessions = sorted({each.metadata.session for each in self.own(condition)})
         slid = [table for table in map(self.sliding, sessions) if table["direction"].nunique() > 1]
-        ways = [each.groupby("direction")["dry_n"].mean() for each in slid]
+        ways = [each.groupby("direction")[dry].mean() for each in slid]
         values = {
             "viscous_n_s_m": [float(each["viscous"].mean()) for each in slid],
             "retract_ratio": [float(each[-1.0] / each[1.0]) for each in ways],
@@ -217,16 +229,14 @@ def holds(interval: tuple[float, float], true: tuple[float, float] | None) -> bo
     return true is None or (interval[0] <= true[1] and true[0] <= interval[1])
 
 
+LOSS = "labelling/apparent_loss.py sentence"
+
+
 SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     (
-        "labelling/apparent_loss.py sentence",
+        LOSS,
         r"of friction at ([\d.]+) m/s grow with speed, as if .* lost about ([\d.]+) bar",
-        lambda m, made, _: bool(made.world.line_bar) and near(float(m[2]), made.lost_bar(float(m[1])), 2.0),
-    ),
-    (
-        "labelling/apparent_loss.py unknown_viscous",
-        r"not determined: part of it may be what a line",
-        lambda _m, made, _: bool(made.world.line_bar),
+        lambda m, made, _: not made.world.line_bar or near(float(m[2]), made.lost_bar(float(m[1])), 2.0),
     ),
     (
         "labelling/known_offset.py, value of strokes",
@@ -316,7 +326,9 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     (
         "estimation/identified_model.py, interval of a parameter",
         r"^  (viscous_n_s_m|retract_ratio|coulomb_n) +[\d.e+-]+ +\S* *\S* +([\d.e+-]+) to ([\d.e+-]+)$",
-        lambda m, made, _: holds((float(m[2]), float(m[3])), made.parameter(m[1])),
+        lambda m, made, name: holds(
+            (float(m[2]), float(m[3])), made.parameter(m[1], dry="dry_at_zero_n" if name == SCALED else "dry_n")
+        ),
     ),
     (
         "estimation/identification.py ZEROS",
@@ -341,7 +353,10 @@ def sentences(seed: int, quick: bool) -> Iterator[tuple[str, str, bool | float]]
             for verb, files in [("estimate", "*"), ("inspect", "*")] + [
                 ("identify", "condition1_*")
             ] * world.identifies:
-                for place, pattern, true in judged(printed(verb, files, made, folder, mapping), made):
+                lines = printed(verb, files, made, folder, mapping)
+                named = any("as if a line" in each for each in lines)
+                yield LOSS, "a loss is named if there is a line, and only then", named == bool(world.line_bar)
+                for place, pattern, true in judged(lines, made):
                     yield place, pattern[:60], true
             if world.identifies and not quick:
                 yield from adapted(made, folder, mapping)
@@ -442,7 +457,7 @@ def judged(lines: list[str], made: Simulated) -> Iterator[tuple[str, str, bool]]
     """Yield each sentence and whether it is true; a line on these topics that is not listed is false."""
     name = "condition"
     for line in lines:  # an indented one belongs to the file above it
-        found = re.search(r"condition\d+_session\d+", line)
+        found = re.search(rf"condition\d+_session\d+|{SCALED}", line)
         name, listed = found[0] if found else name if line.startswith("  ") else "condition", False
         for place, pattern, true in SENTENCES:
             for match in re.finditer(pattern, line):
