@@ -25,9 +25,12 @@ def read(tmp_path: Path):  # type: ignore[no-untyped-def]
 
 TWO = {"t": [0.0, 0.5], "p": [1.5, 2.5]}
 ROWS = "0,1.5\n0.5,2.5\n"
+DATE_FORMS = ["dd.mm.yyyy hh:mm:ss", "dd.mm.yyyy hh:mm:ss.000", "TT.MM.JJJJ hh:mm:ss", "HH:mm:ss"]
+MISSING = ["", "nan", "NaN", "NA", "N/A", "null", "-", "#N/A", " ", "1.#QNAN"]
+QUOTED = 't,p\n"0","1,234"\n"1","2,345"\n'
 LABVIEW = (
-    "LabVIEW Measurement\nSeparator,Comma\nDecimal_Separator,.\n***End_of_Header***\n\nChannels,2\nSamples,2,2\n"
-    "X0,0.0,0.0\n***End_of_Header***\nt,p,Comment\n"
+    "LabVIEW Measurement,\nSeparator,Comma\nDecimal_Separator,.\n***End_of_Header***,\n,\nChannels,1,\nSamples,2,\n"
+    "Time,08:15:00,\nY_Unit_Label,bar,\nX0,0.0,\n***End_of_Header***,,\nt,p,Comment\n"
 )
 
 
@@ -47,6 +50,7 @@ LABVIEW = (
         "# t, p\n" + ROWS,
         "Logger: X200\nStart: 2026-03-14 08:15:00\nRate [Hz]: 2\n\nt,p\n" + ROWS,
         LABVIEW + ROWS,
+        "Gain,1\nUnit,bar\nt,p\n" + ROWS,
         "HBM_CATMAN 5.0\nT0=08:15\nt,p\ns,bar\n" + ROWS,
     ],
 )
@@ -54,9 +58,6 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
     table = read(content)
     assert table.channels.to_dict("list") == TWO
     assert table.notes == ()
-
-
-DATE_FORMS = ["dd.mm.yyyy hh:mm:ss", "dd.mm.yyyy hh:mm:ss.000", "TT.MM.JJJJ hh:mm:ss", "HH:mm:ss"]
 
 
 @pytest.mark.parametrize(
@@ -79,10 +80,6 @@ def test_units_of_the_header(read, header: str, units: dict[str, str]) -> None: 
     assert list(table.channels.columns) == header.split("\n", maxsplit=1)[0].split(",")
 
 
-MISSING = ["", "nan", "NaN", "NA", "N/A", "null", "-", "#N/A", " ", "1.#QNAN"]
-QUOTED = 't,p\n"0","1,234"\n"1","2,345"\n'
-
-
 @pytest.mark.parametrize(
     ("content", "options", "column", "values"),
     [
@@ -95,6 +92,8 @@ QUOTED = 't,p\n"0","1,234"\n"1","2,345"\n'
         ("t,p\n" + "".join(f"1,{cell}\n" for cell in MISSING) + "99,1.5\n", {}, "p", [np.nan] * 10 + [1.5]),
         (f'"{"note " * 40_000}"\nt,p\n0,1.5\n1,2.5\n', {}, "p", [1.5, 2.5]),  # the module csv takes 131,072 characters
         ("t,p\n" + "0,\n1,\n", {}, "p", [np.nan] * 2),
+        ("Trace,p\nSize,2\nVUnit,bar\nDelay,0\n\n" + ",1.5\n" * 9, {}, "p", [1.5] * 9),
+        ("LabVIEW Measurement\t\nt\tp A\tComment\n" + "0\t1.5\n" * 9, {}, "p A", [1.5] * 9),
         ("t;p\n0;1.5\n1;broken\n3;-2e1\n", {}, "p", [1.5, "broken", -20.0]),
         ("t;p\n0;1.5\n" + "1;2\n" * 60 + '2;"3"\n3;broken\n', {}, "p", [1.5, *[2.0] * 60, 3.0, "broken"]),
         ("t;p\n0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n", {}, "p", [1.5, "1.234,5", "3.845", 2.5]),  # points and commas
@@ -150,7 +149,7 @@ def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], no
     ("content", "message"),
     [
         ("t,p\n", r"no rows of numbers were found \(lines searched: 1\)"),
-        ("Dear reader,\nthere is no table here.\n", r"no rows of numbers were found \(lines searched: 2\)"),
+        (LABVIEW + ROWS * 99 + ",\n" + LABVIEW[LABVIEW.index("Chan") :], "ends the first of several segments"),
         ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 instead of 2 values: '5'; correct it, or cut"),
         ("# log 1\nt,p\n0,1\n1,2\n# log 2\nt,p\n0,3\n", "line 5 holds 1 instead of 2 values: '# log 2'"),
     ],

@@ -54,8 +54,9 @@ _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 _DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
 """Date formats in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
 
-_UNIT_WORDS = ("unit", "units", "einheit", "einheiten")
-"""First cells of a line of units."""
+_SEGMENT = "***End_of_Header***"  # Line of LabVIEW above the names of each segment
+_UNIT_WORD = re.compile("unit|einheit", re.IGNORECASE)
+"""In the first cell of a line of units, such as 'Unit', 'Vertical Units', 'Y_Unit_Label'."""
 SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
 _SCOPE_KEY = re.compile(
     r"symbol(comment|based|name)|data-type|sampletime\[ms\]|variablesize|index(group|offset)|netid|port|bitmask|"
@@ -225,9 +226,14 @@ class _Rows:
         return [(number, line) for number, line in lines if line or len(self.layout.names) == 1]
 
     def _refuse_ragged_line(self) -> None:
-        width = len(self.layout.names)
-        for number, line in self._lines():
+        width, lines = len(self.layout.names), self._lines()
+        for number, line in lines:
             if (count := len(split_cells(line, self.layout.delimiter))) != width:
+                if any(each.startswith(_SEGMENT) for _, each in lines):
+                    raise RecordingError(
+                        f"line {number} ends the first of several segments; write one segment per file, or a header "
+                        "only once (in LabVIEW 'One header only')"
+                    )
                 raise RecordingError(
                     f"line {number} holds {count} instead of {width} values: {line[:80]!r}; correct it, or cut the "
                     "file there if it holds two logs"
@@ -342,6 +348,8 @@ def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None
     missing = [sum(map(is_missing, column)) for column in zip(*lower, strict=True)]
     filled = [sum(counts) for counts in zip(values, missing, strict=True)]
     numeric = [index for index in range(width) if values[index] and 2 * filled[index] >= len(lower)]
+    if numeric[:1] == [1] and missing[0] == len(lower):  # what stands in an empty first column is the heading of a line
+        numeric = [0, *numeric]
     score = sum(filled) / width / len(lower) * len(full) / len(rows)
     return _Grid(delimiter, decimal, rows, width, numeric, score) if numeric else None
 
@@ -358,7 +366,8 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
         cells = (split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:LOOKED_AT])
         names = (row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row))
         trailing = not grid.rows[-1][-1]
-        fits = any(len(row) in (grid.width, grid.width - trailing) for row in names)
+        widths = [len(row) - (len(row) > grid.width and row[-1].casefold() == "comment") for row in names]
+        fits = grid.width in widths or grid.width - trailing in widths
         fits = fits or grid.is_row(split_cells(lines[0].lstrip("#% "), grid.delimiter))
     return grid.score >= _LEAST_SCORE, fits, grid.width > 1, round(grid.score, 2), grid.width
 
@@ -404,7 +413,7 @@ def _units_in_line(cells: list[str]) -> list[str] | None:
     for cell in cells:
         text = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
         known = text.casefold() in KNOWN
-        ignored = text.casefold() in ("", *_UNIT_WORDS) or (not known and _DATE_PATTERN.match(text))
+        ignored = not text or (not known and (_UNIT_WORD.search(text) or _DATE_PATTERN.match(text)))
         units.append("" if ignored or not (known or text != cell) else text)
         others += not ignored and not units[-1]
     return units if sum(map(bool, units)) > others else None
@@ -417,7 +426,7 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
     of each row is named ''.
     """
     block: list[list[str]] = []
-    for line in reversed([line for line in above if line.strip()]):
+    for line in reversed([line for line in above if line.strip() and not line.startswith(_SEGMENT)]):
         comment = line.lstrip().startswith(("#", "%", "//"))
         cells = split_cells(line.lstrip("#%/ ") if comment else line, grid.delimiter)
         more = len(cells) - grid.width
@@ -427,12 +436,20 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
         block.insert(0, cells)
     pairs = reversed(list(pairwise(block)))
     stated = ((names, units) for names, line in pairs if (units := _units_in_line(line)) and not _units_in_line(names))
+    # If the line of units has a heading, such as Unit, the names may be below it, and other such lines around it.
+    headed = next((units for line in block if _UNIT_WORD.search(line[0]) and (units := _units_in_line(line))), None)
+    plain = [cells for cells in block if not any(is_value(cell, None) for cell in cells)]
+    plain = [
+        cells for cells in plain if not _units_in_line(cells) and all(one != other for one, other in pairwise(cells))
+    ]
     if not block:
         cells, units = [], None
     elif scope := _scope_names(above, grid):
         cells, units = scope
     elif mode == "names_units" and len(block) > 1:
         cells, units = block[-2:]
+    elif headed and plain:
+        cells, units = plain[-1], headed
     else:
         cells, units = next(stated, (block[-1], None))
     cells = [*cells, *[""] * grid.width][: grid.width]
