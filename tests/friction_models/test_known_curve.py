@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.friction_models.identification.steady_points import (
-    SteadyPoint,
-    is_breakaway_known,
-    known_curve,
-    steady_points,
-)
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, is_breakaway_known, known_curve
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 CURVE = StribeckCurve(300.0, 450.0, 0.005, 1.5, 1500.0, 1.1)
 
@@ -21,16 +15,6 @@ def points(slowest_m_s: float, fastest_m_s: float, ways: tuple[float, ...] = (1.
     velocity = np.concatenate([way * np.geomspace(slowest_m_s, fastest_m_s, 12) for way in ways])
     friction = CURVE.friction(velocity)
     return [SteadyPoint(v, f, f - 5.0, f + 5.0, 100) for v, f in zip(velocity.tolist(), friction.tolist(), strict=True)]
-
-
-def test_a_point_holds_one_of_the_speeds_that_were_driven() -> None:
-    speeds = [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3]
-    velocity = np.repeat([way * speed for speed in speeds for way in (1.0, -1.0)], 200)
-    motion = {"time_s": 0.005 * np.arange(len(velocity)), "position_m": 0.005 * np.cumsum(velocity)}
-    labels = {"velocity_m_s": velocity, "friction_n": CURVE.friction(velocity)}
-    recording = Recording.unchecked(RecordingMetadata("r", "1", "s", 0.005), motion | labels)
-    seen = [each.velocity_m_s for each in steady_points([recording], 1e-4)]
-    assert seen == pytest.approx([*(-speed for speed in reversed(speeds)), *speeds])
 
 
 def test_points_over_a_wide_range_tell_the_curve() -> None:

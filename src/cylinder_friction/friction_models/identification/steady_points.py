@@ -22,8 +22,8 @@ LEAST_SPEED_M_S = 1e-4
 
 STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
 """Tolerances of ``steady_rows``, tried from the strictest until one leaves enough rows."""
-BINS, GAP, ROWS_PER_POINT = 12, 0.2, 40
-"""Bins of speed in each direction, the relative gap without rows that divides one, and the least rows of one."""
+BINS, ROWS_PER_POINT = 12, 40
+"""Bins of speed in each direction, and the least rows of one."""
 LEAST_SPAN = 5.0
 """Smallest ratio of the fastest to the slowest steady speed at which a curve's level and slope can be separated."""
 BELOW_SEEN = 0.6
@@ -88,8 +88,8 @@ class SteadySliding:
             half_width_n = quantile * float(np.std(medians, ddof=1)) * float(np.linalg.norm(share))
         return StribeckPoint(**vars(self.point()), strokes=len(counts), half_width_n=half_width_n)
 
-    def where(self, rows: Mask | NDArray[np.int64]) -> SteadySliding:
-        """Select rows by a mask or by their numbers."""
+    def where(self, rows: Mask) -> SteadySliding:
+        """Select rows by a mask."""
         return SteadySliding(self.velocity_m_s[rows], self.friction_n[rows], self.stroke[rows])
 
 
@@ -143,14 +143,13 @@ def _by_speed(rows: SteadySliding, slowest_m_s: float, rows_per_point: int) -> l
 
 
 def _binned(one_way: SteadySliding, slowest_m_s: float, rows_per_point: int) -> list[SteadySliding]:
-    """Bin rows by speed, slowest first; a gap between speeds divides a bin, and too few rows are left out."""
+    """Bin rows by speed, slowest first; bins with too few rows are left out."""
     speed = np.abs(one_way.velocity_m_s)
     if len(speed) < rows_per_point:
         return []
     edges = np.geomspace(slowest_m_s, np.nextafter(float(speed.max()), np.inf), BINS + 1)
-    order = np.argsort(speed)
-    ends = (np.diff(np.digitize(speed[order], edges[1:])) > 0) | (np.diff(np.log(speed[order])) > GAP)
-    return [one_way.where(rows) for rows in np.split(order, np.flatnonzero(ends) + 1) if len(rows) >= rows_per_point]
+    numbers = np.clip(np.digitize(speed, edges) - 1, 0, BINS - 1)
+    return [one_way.where(numbers == number) for number in range(BINS) if (numbers == number).sum() >= rows_per_point]
 
 
 def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:
