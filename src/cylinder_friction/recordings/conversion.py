@@ -185,7 +185,7 @@ def pieces_from(
     signals, notes, rules = mapped.signals, tuple[str, ...](), recipe.start
     start, unknown = mapped.start, ""
     if start is not None and is_future(start.at):
-        start, unknown = None, f"its clock started in the future, {start.text()} ({start.source}); its start is unknown"
+        unknown, start = f"its clock started in the future, {start.text()} ({start.source}); its start is unknown", None
     start = start or rules.named(about.source_file)
     rate_hz = recipe.channels[TIME].rate_hz
     if rows_before and rate_hz is not None:
