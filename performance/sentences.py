@@ -235,7 +235,7 @@ LOSS = "labelling/apparent_loss.py sentence"
 SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     (
         LOSS,
-        r"of friction at ([\d.]+) m/s grow with speed, as if .* lost about ([\d.]+) bar",
+        r"of friction at ([\d.]+) m/s grow with speed, as if .* lost ([\d.]+) bar on the piston side",
         lambda m, made, _: not made.world.line_bar or near(float(m[2]), made.lost_bar(float(m[1])), 2.0),
     ),
     (
@@ -354,7 +354,7 @@ def sentences(seed: int, quick: bool) -> Iterator[tuple[str, str, bool | float]]
                 ("identify", "condition1_*")
             ] * world.identifies:
                 lines = printed(verb, files, made, folder, mapping)
-                named = any("as if a line" in each for each in lines)
+                named = any("as if lines" in each for each in lines)
                 yield LOSS, "a loss is named if there is a line, and only then", named == bool(world.line_bar)
                 for place, pattern, true in judged(lines, made):
                     yield place, pattern[:60], true

@@ -1,6 +1,7 @@
 """What bounds hold is stated in one sentence wherever they are printed, drawn, served or exported."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -67,9 +68,17 @@ def test_estimate_without_a_model(
     command = ["estimate", str(log), "--cylinder", CYLINDER, *UNITS, "--output", str(tmp_path / "out")]
     main([*command, "--sensor-class", "0.5"])
     assert (
-        "bounds   they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors "
-        "are as stated and friction is as asymmetric in each session; assumed, not stated: pressure_1_pa ± 0.5 % of "
-        "250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
+        "bounds   they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if sensors, "
+        "load and line losses are as stated and friction is as asymmetric in each session; assumed, not stated: "
+        "pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
     ) in capsys.readouterr().out
+    one = labelled_recordings[0]
+    write_log(log, one.with_columns(pressure_1_pa=one.column("pressure_1_pa") + 0.45e5))
+    main([*command, "--sensor-class", "0.05"])
+    assert re.search(
+        r"in each session; but in 1 session \(first log\): [\d.]+ N does not turn with the direction, while the stated "
+        r"zeros and an asymmetry of friction explain [\d.]+ N; a load acts,",
+        capsys.readouterr().out,
+    )
     assert main([*command, "--sensor-class", "0"]) == 1
     assert "sensor class: got 0, expected a number above 0" in capsys.readouterr().err

@@ -23,9 +23,10 @@ def test_a_loss_is_named_with_its_size(labelled_recordings: list[Recording], cyl
 def test_the_sentence_asks_and_offers_what_to_state(cylinder: Cylinder) -> None:
     words = ApparentLoss(1500.0, 100.0, 400.0, 0.05).sentence(cylinder)
     assert words == (
-        "1600 N of friction at 0.05 m/s grow with speed, as if a line between sensors and cylinder lost about 3.4 bar; "
-        "are the sensors at the cylinder's ports? If they are not, state the loss (sensor.line_loss in the mapping); "
-        "until then bounds are wider by what the line may lose, and Coulomb and viscous friction are not known"
+        "1600 N of friction at 0.05 m/s grow with speed, as if lines between sensors and cylinder lost 3.4 bar on the "
+        "piston side and 2.2 bar on the rod side; are the sensors at the cylinder's ports? If they are not, state the "
+        "losses (sensor.line_loss in the mapping); until then bounds are wider by what the lines may lose, and Coulomb "
+        "and viscous friction are not known"
     )
 
 

@@ -63,8 +63,8 @@ if TYPE_CHECKING:
 TYPICAL_CLASS = 0.5
 """Accuracy of a typical industrial pressure sensor [± % of full scale]."""
 LABEL_BOUNDS = (
-    "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as "
-    "stated and friction is as asymmetric in each session"
+    "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if sensors, load and line "
+    "losses are as stated and friction is as asymmetric in each session"
 )
 
 
@@ -275,6 +275,9 @@ def _bounds_in_words(run: LabelledLogs, bounded: bool, entries: Sequence[Frictio
     if bounded:
         loaded = sum(each.load_left_n is not None for each in entries)
         but = f"; not in {counted(loaded, 'recording')} whose friction holds a load" if loaded else ""
+        doubted = [] if loaded else [each for each in run.offsets.values() if each.doubt]
+        if doubted:
+            but = f"; but in {counted(len(doubted), 'session')} (first {doubted[0].session}): {doubted[0].doubt}"
         return f"{LABEL_BOUNDS}{but}{assumed and '; '}{assumed}"
     typical = run.logs.with_sensor_class(TYPICAL_CLASS)
     if not typical.assumed:

@@ -84,7 +84,7 @@ SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_
 UNSEEN = "steady sliding does not show it"
 LEAST_SPEEDS = 5
 """Least number of speeds of steady sliding in one direction: a direction's Stribeck curve has five parameters."""
-BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
+BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 _AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
@@ -155,7 +155,7 @@ class IdentifiedCurve:
         curve, why_not = known_curve(points)
         slow = why_not if curve is None else no_rise_seen(curve, points)
         if loss is not None or math.isinf(zeros.half_n):
-            curve, why_not = None, why_not or (zeros.why_not if loss is None else loss.unknown_viscous)
+            curve, why_not = None, zeros.why_not if loss is None else loss.unknown_viscous
         own = []
         for each in points:
             lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))

@@ -59,10 +59,11 @@ class ApparentLoss:
         growing_n = self.square_n + self.linear_n
         lost_bar = 1e-5 * growing_n / (cylinder.piston_area_m2 * (1.0 + ratio**3))
         return (
-            f"{four_digits(growing_n)} N of friction at {self.speed_m_s:.2g} m/s grow with speed, as if a line between "
-            f"sensors and cylinder lost about {lost_bar:.2g} bar; are the sensors at the cylinder's ports? If they are "
-            "not, state the loss (sensor.line_loss in the mapping); until then bounds are wider by what the line may "
-            "lose, and Coulomb and viscous friction are not known"
+            f"{four_digits(growing_n)} N of friction at {self.speed_m_s:.2g} m/s grow with speed, as if lines between "
+            f"sensors and cylinder lost {lost_bar:.2g} bar on the piston side and {lost_bar * ratio**2:.2g} bar on the "
+            "rod side; are the sensors at the cylinder's ports? If they are not, state the losses "
+            "(sensor.line_loss in the mapping); until then bounds are wider by what the lines may lose, and Coulomb "
+            "and viscous friction are not known"
         )
 
 

@@ -70,6 +70,7 @@ class KnownOffset:
     uncertainty_n: float = math.nan
     stated_n: float = math.nan
     offset_n: float = math.nan  # Offset to subtract from friction [N]; NaN if unknown
+    doubt: str = ""  # What shows that bounds may be too narrow; empty if nothing does
 
     @property
     def value(self) -> str:
@@ -154,7 +155,10 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     both_ways = [(each.condition, each.sliding) for each in of_them if not math.isnan(each.sliding.halves_n()[0])]
     own_models = _deviation_models(both_ways, plan, model).values()
     deviations = {name: _deviation(each, own) for own in own_models for name, each in own.sessions.items()}
-    return [deviations[each.session] if each.session in left & deviations.keys() else each for each in known]
+    return [
+        replace(deviations[each.session], doubt=each.doubt) if each.session in left & deviations.keys() else each
+        for each in known
+    ]
 
 
 def _deviation_models(
@@ -276,11 +280,12 @@ def _known(
     session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan, condition_n: float
 ) -> KnownOffset:
     found = None if model is None else model.sessions.get(session)
+    doubt = next((each.uneven for each in own if each.uneven), "")
     if found is None or model is None:
         reasons = dict.fromkeys(each.why_not or each.uneven for each in own if each.why_not or each.uneven)
         why_not = "; ".join(reasons) or f"no steady sliding faster than {1e3 * plan.slowest_m_s:g} mm/s"
     elif why_not := undetermined(found, model, plan):
-        why_not = next((each.uneven for each in own if each.uneven), why_not)
+        why_not, doubt = doubt or why_not, doubt or _doubt(found, model, plan)
     else:
         count = len(model.sessions)
         together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
@@ -292,7 +297,7 @@ def _known(
         )
     stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))
     source = NOTHING if math.isnan(stated_n) else STATED
-    return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n)
+    return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n, doubt=doubt)
 
 
 def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
@@ -300,23 +305,29 @@ def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> 
     if not (found.strokes_extend and found.strokes_retract):
         way, missing = ("retracting", "extending") if found.strokes_retract else ("extending", "retracting")
         return f"strokes {way} alone do not separate it from friction; record strokes {missing} too"
+    few = len(model.sessions) < LEAST_SESSIONS
+    narrow = found.standard_uncertainty_n < (LEAST_NARROWING_OF_FEW if few else LEAST_NARROWING) * found.prior_n
+    if narrow and model.plan.asymmetry <= UNEXPECTED * plan.asymmetry:
+        return ""
+    return _doubt(found, model, plan) or (
+        "strokes in both directions narrow it no further, as friction of each session may be asymmetric in its own "
+        f"way; give at least {LEAST_SESSIONS} sessions of the cylinder together"
+    )
+
+
+def _doubt(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
+    """Explain what the stated zeros and the plan's asymmetry do not; empty if they explain everything."""
     if model.plan.asymmetry > UNEXPECTED * plan.asymmetry:
         return (
             f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "
-            f"{100.0 * plan.asymmetry:.0f} % is expected: it may differ in another way in each session; or a line "
-            "loses pressure or zeros are worse than stated, and then bounds are too narrow"
+            f"{100.0 * plan.asymmetry:.0f} % is expected: it may differ in another way in each session; or a load is "
+            "not as stated, a line loses pressure or zeros are worse than stated, and then bounds are too narrow"
         )
-    few = len(model.sessions) < LEAST_SESSIONS
-    if found.standard_uncertainty_n < (LEAST_NARROWING_OF_FEW if few else LEAST_NARROWING) * found.prior_n:
+    if len(model.sessions) < 3 or _own_asymmetry_n(model) <= found.prior_n:
         return ""
-    if len(model.sessions) > 2 and _own_asymmetry_n(model) > found.prior_n:
-        return (
-            "what does not turn with the direction differs from session to session by ± "
-            f"{COVERAGE_FACTOR * model.even_spread_n:.0f} N, while the stated zeros explain ± "
-            f"{COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric in its own way, a load differs, "
-            "a line loses pressure, or zeros are worse than stated; unless it is friction, bounds are too narrow"
-        )
     return (
-        "strokes in both directions narrow it no further, as friction of each session may be asymmetric in its own "
-        f"way; give at least {LEAST_SESSIONS} sessions of the cylinder together"
+        "what does not turn with the direction differs from session to session by ± "
+        f"{COVERAGE_FACTOR * model.even_spread_n:.0f} N, while the stated zeros explain ± "
+        f"{COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric in its own way, a load differs, "
+        "a line loses pressure, or zeros are worse than stated; unless it is friction, bounds are too narrow"
     )
