@@ -61,7 +61,7 @@ def _inspect_files(files: Mapping[str, Path], recipe: Recipe, making: Panes, pag
     subjects, loss = [pane.subject for pane in panes], named_loss(evidence)
     report = text_report(subjects, offsets).rstrip("\n")
     if loss is not None:
-        report = f"{report}\n\nloss     {loss.sentence(making.labeller.cylinder)}"
+        report += f"\n\nloss     {loss.sentence(making.labeller.cylinder)}; the ± of means above does not include it"
     return report, any(each.outcome == "refused" for each in subjects)
 
 

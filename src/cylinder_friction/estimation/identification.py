@@ -19,7 +19,7 @@ from cylinder_friction.estimation.identified_model import (
     CONFIDENCE,
     FITS_ALIKE,
     LEAST_SHARE,
-    LEAST_SHARE_OF_STIFFNESS,
+    SOFTENED,
     FrictionModels,
     IdentifiedCurve,
     IdentifiedModel,
@@ -255,9 +255,9 @@ class ModelSearch:
         intervals = found.intervals | {"viscous_n_s_m": steady["viscous_n_s_m"]}
         for name, (lower, upper) in intervals.items():
             value = found.parameters.value(name)
-            share = LEAST_SHARE_OF_STIFFNESS if name == "bristle_stiffness_n_m" else LEAST_SHARE
-            least = max(share * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
-            intervals[name] = _holding((lower, upper), value - least, value + least)
+            least = max(LEAST_SHARE * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
+            most = SOFTENED * value if name == "bristle_stiffness_n_m" else value + least
+            intervals[name] = _holding((lower, upper), value - least, most)
         intervals["coulomb_n"] = _holding(steady["coulomb_n"], *intervals["coulomb_n"])
         if len(conditions) == 1:  # The curve through points of several conditions mixes their pressures
             share = found.curve.retract_ratio / found.parameters.value("retract_ratio")

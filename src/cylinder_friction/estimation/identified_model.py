@@ -63,10 +63,10 @@ SIGNS = (
     "p [Pa] is the sum of both gauge pressures, at least 0.",
 )
 CONFIDENCE = 0.95
-FITS_ALIKE, LEAST_SHARE, LEAST_SHARE_OF_STIFFNESS = 0.01, 0.02, 0.1
+FITS_ALIKE, LEAST_SHARE, SOFTENED = 0.01, 0.02, 2.0
 """A velocity fits as well as the best one if its error is greater by at most the first share of mean |friction|. Least
-half-width of an interval, as a share of the value: the bias by smoothing of label and velocity, which makes presliding
-softer than anything else."""
+half-width of an interval, as a share of the value: the bias by smoothing of label and velocity. Bristles may be stiffer
+by the last factor, because smoothing spreads a reversal over more travel."""
 INTERVALS = (
     f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros may "
     "shift; errors of the model itself come on top"
