@@ -117,6 +117,15 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
         map_signals([LoggedTable(pd.DataFrame(alike | {"clock": clock}))], MAPPING)
 
 
+@pytest.mark.parametrize(("end", "left_out"), [(np.nan, 0), ("Err", 1)])
+def test_oil_temperature_is_held_between_its_values_or_left_out(end: Any, left_out: int) -> None:
+    oil = [*[40.0, *[end] * 14] * 2, 40.0, *[end] * 9] if not left_out else [*[40.0] * 30, *[end] * 10]
+    tables = [LoggedTable(pd.DataFrame({**PLC, "oil": oil}).drop(columns="t10 [ms]"))]
+    mapped = map_signals(tables, MAPPING | {"oil_temperature_c": ChannelMapping("oil", "degC")})
+    assert mapped.notes == ("oil_temperature_c: left out, because 10 of 40 rows have no value in a row",) * left_out
+    assert left_out or np.all(mapped.signals["oil_temperature_c"].values == 40.0)
+
+
 @pytest.mark.parametrize("name", ["t", "Time_ms"])
 def test_numbers_since_a_known_date_are_dates_unless_another_unit_is_stated(tmp_path: Path, name: str) -> None:
     def read(channel: str, stamps: Any, unit: str) -> MappedFile:

@@ -77,10 +77,6 @@ OTHER_CLOCK = {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[:1500].copy(), NOI
         (one(IN_MILLISECONDS), [2000], "1 lost sample interpolated (at most 1 in a row, first after 2.33 s)"),
         (OTHER_CLOCK, [1500], "0 s at the start and 2.5 s at the end left out, not covered by every column"),
     ],
-    ids=[
-        *("one lost", "three lost", "short between gaps", "values missing", "restart", "clock set back by a little"),
-        *("counter rolls over", "no stamp", "milliseconds", "another clock"),
-    ],
 )
 def test_damaged_time(columns: dict[str, Signal], lengths: list[int], repair: str) -> None:
     pieces = align(columns, TimeRules())
@@ -154,7 +150,6 @@ def test_a_slow_channel_in_one_table_is_no_gap() -> None:
         EVEN_S + 0.0015 * (np.arange(ROWS) == 77),
         np.where(EVEN_S < 5.0, EVEN_S, 5.0 + 1.02 * (EVEN_S - 5.0)),
     ],
-    ids=["little jitter", "much jitter", "one stamp late", "another rate half way"],
 )
 def test_uneven_stamps_come_to_an_even_grid(time_s: np.ndarray) -> None:
     (piece,) = align(one(time_s, sine(time_s, 1.0)), TimeRules())

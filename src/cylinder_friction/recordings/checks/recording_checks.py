@@ -111,11 +111,7 @@ def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
 def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
     """Yield everything that is wrong with the complete columns of a piece, which has at least 3 rows without NaN.
 
-    The names of the checks, in their order: ``length``, ``rate``, ``position_range``, ``motion``, ``position_steps``;
-    for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for both ``pressures_differ`` and
-    ``unit_plausible``; with a drive force ``force_alive`` and ``force_stuck`` instead; ``load_alive`` and
-    ``load_stuck``; ``direction`` and ``friction_size``. The last two are checked only if the signals have passed the
-    other checks.
+    ``direction`` and ``friction_size`` are checked only if the signals have passed the other checks.
     """
     rows, least_s, least_hz = len(columns[POSITION]), limits.minimum_duration_s, limits.minimum_rate_hz
     duration_s, rate_hz = rows * sample_time_s, 1.0 / sample_time_s

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import QUANTITIES, TIME
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE, QUANTITIES, TIME
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
@@ -30,6 +30,7 @@ TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # Possible units of a time channel
 ENDS_TOGETHER = 0.95  # Least ratio of the lengths of columns with one rate, and of valid values in one without gaps
 FEWEST_ROWS = 10  # Fewest rows that show a rate
 MOST_TIMES_SLOWER = 20  # Largest ratio of rates that is detected; an earlier end of a column may be chance
+MOST_STEPS = 3  # Longest gap of the oil temperature, in usual steps of its values
 MOST_NAMES = 40  # Most channels that a message lists; a measurement file may have thousands
 
 
@@ -76,16 +77,38 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     for column, place in places.items():
         source, time_s = mapping[column], stamps[clocks[column]]
         _check_unit(tables[place], source.channel, source.unit, column, source.absolute)
-        raw = _numbers(tables[place].channels[source.channel], source.channel, column, source.unit)
+        cells = tables[place].channels[source.channel]
+        if column == OIL_TEMPERATURE and cells.dtype.kind == "O":
+            cells = pd.to_numeric(cells, errors="coerce")
+        raw = _numbers(cells, source.channel, column, source.unit)
         if len(time_s) != len(raw):
             raise RecordingError(
                 f"channel {source.channel!r} (for {column!r}) has {len(raw)} rows, but its time channel "
                 f"{clocks[column].channel!r} has {len(time_s)}; name its own as channels.{column}.time"
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
+    notes += _fill_slow(signals)
     _refuse_two_ends(signals, mapping)
     notes += _take_delays(signals, mapping)
     return MappedFile(signals, tuple(notes), start)
+
+
+def _fill_slow(signals: dict[str, Signal]) -> list[str]:
+    """Fill the oil temperature between its values on the rows of another column; leave it out if it has a long gap."""
+    slow = signals.get(OIL_TEMPERATURE, Signal(np.empty(0), np.empty(0)))
+    beside = [own for own in signals.values() if own.time_s is slow.time_s and own is not slow]
+    rows = np.isfinite(beside[0].values) if beside else np.zeros(len(slow.values), dtype=np.bool_)
+    if not beside or np.isfinite(slow.values[~rows]).any():
+        return []
+    values, filled = slow.values[rows], np.full(len(rows), np.nan)
+    known = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(known, prepend=-1, append=len(values))
+    if len(known) < 3 or steps.max() > MOST_STEPS * np.median(steps):
+        del signals[OIL_TEMPERATURE]
+        return [f"{OIL_TEMPERATURE}: left out, because {steps.max() - 1} of {len(values)} rows have no value in a row"]
+    filled[rows] = np.interp(np.arange(len(values)), known, values[known])
+    signals[OIL_TEMPERATURE] = Signal(slow.time_s, filled)
+    return []
 
 
 def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
