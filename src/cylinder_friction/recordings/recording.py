@@ -335,4 +335,5 @@ class Start:
 
     def text(self) -> str:
         """Format it in ISO 8601 to the millisecond, with Z if it is UTC; a day alone if only that is known."""
-        return str(self.at) if self.day_only else f"{self.at.astype('datetime64[ms]')}{'Z' if self.utc else ''}"
+        nearest = (self.at + np.timedelta64(500, "us")).astype("datetime64[ms]")
+        return str(self.at) if self.day_only else f"{nearest}{'Z' if self.utc else ''}"
