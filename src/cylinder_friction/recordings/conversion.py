@@ -40,8 +40,7 @@ from cylinder_friction.recordings.timeline.aligning import align
 
 RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
 """Largest difference of samples that count as equal, because units or formats differ [m, N]; pressures: 1e-3 Pa."""
-OVERLAP_S = 2.0
-"""Shortest overlap that is named [s], because starts are rounded."""
+OVERLAP_S = 2.0  # Shortest overlap that is named [s], because starts are rounded
 MOST_NAMED = 3  # Most pairs that a sentence names
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -260,12 +260,10 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
     return Start(dates.values[0], dates.utc, where)
 
 
-EARLIEST_S = 946_684_800
-"""Earliest credible date of a log, the year 2000 [s since 1970]."""
+EARLIEST_S = 946_684_800  # Earliest credible date of a log, the year 2000 [s since 1970]
 LONGEST_STEP_S, LONGEST_OF_DAYS_S = 60.0, 1.0
 """Longest credible time between two rows of a log [s]; if days are counted, which may be seconds of a faster log."""
-NEVER_FALLS = 0.99
-"""Least share of a clock's steps that do not fall."""
+NEVER_FALLS = 0.99  # Least share of a clock's steps that do not fall
 
 
 @dataclass(frozen=True)
@@ -288,7 +286,8 @@ class Epoch:
         return stamps
 
 
-DAY_NS = 86_400 * 10**9
+DAY_S = 86_400
+DAY_NS = DAY_S * 10**9
 FILETIME = Epoch("ticks of 100 ns", 100, 116_444_736_000_000_000, "1601 (FILETIME)", True)
 EPOCHS = (
     FILETIME,
@@ -304,7 +303,7 @@ WINCC = Epoch("millionths of a day", DAY_NS // 10**6, 25_569 * 10**6, "30 Decemb
 
 def is_future(moment: np.datetime64) -> bool:
     """Check whether a moment is later than tomorrow, so that no log can have been made then."""
-    return bool(moment > np.datetime64(int(_tomorrow_s()), "s"))
+    return bool(moment > np.datetime64("now") + np.timedelta64(1, "D"))
 
 
 def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
@@ -312,7 +311,7 @@ def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
     known = numbers[np.isfinite(numbers)] if numbers.dtype.kind == "f" else numbers
     if numbers.dtype.kind not in "iuf" or len(known) < 3:
         return None
-    latest_s, ends = _tomorrow_s(), (float(known[0]), float(known[-1]))
+    latest_s, ends = time.time() + DAY_S, (float(known[0]), float(known[-1]))
     epochs = (*EPOCHS, WINCC) if name.casefold() == "time_ms" else EPOCHS
     for found in epochs:
         if all(EARLIEST_S < (end - found.of_1970) * found.unit_ns * 1e-9 < latest_s for end in ends):
@@ -324,14 +323,9 @@ def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
     return found if way_of(known) and 0.0 < mean_s <= longest_s else None
 
 
-def _tomorrow_s() -> float:
-    return (datetime.now(UTC) + timedelta(days=1)).timestamp()
-
-
 MILLISECONDS = ("ms", "msec", "millisecond", "milliseconds", "millisekunden")
 """Names of a column that holds the milliseconds of a stamp beside it."""
-FEWEST_ROWS = 20
-"""Fewest rows that show an order; in fewer, the order may be chance."""
+FEWEST_ROWS = 20  # Fewest rows that show an order; in fewer, the order may be chance
 
 
 def names_to_read(names: Iterable[str], wanted: Collection[str] | None) -> set[str]:
@@ -426,10 +420,7 @@ def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
     if not dates:
         return table
     units = {name: unit for name, unit in table.units.items() if name not in dates}
-    channels = table.channels.copy(deep=False)
-    for name, stamps in dates.items():
-        channels[name] = stamps
-    return replace(table, channels=channels, units=units, utc=utc, notes=(*table.notes, *notes))
+    return replace(table, channels=table.channels.assign(**dates), units=units, utc=utc, notes=(*table.notes, *notes))
 
 
 def oldest_first(table: LoggedTable) -> LoggedTable:

@@ -104,12 +104,9 @@ class Format:
             raise RecordingError(f"reading {self.what} needs {not_installed(self.library, self.name)}")
 
 
-HEAD_SIZE = 65536
-"""Number of first bytes from which a file's format is detected."""
-MOST_INDIVISIBLE = 256 * 10**6
-"""Largest text that is read whole if it cannot be read in parts [bytes]."""
-MOST_UNPACKED = 500 * 10**6
-"""Largest gzipped file that is read, unpacked in memory [bytes]."""
+HEAD_SIZE = 65536  # Number of first bytes from which a file's format is detected
+MOST_INDIVISIBLE = 256 * 10**6  # Largest text that is read whole if it cannot be read in parts [bytes]
+MOST_UNPACKED = 500 * 10**6  # Largest gzipped file that is read, unpacked in memory [bytes]
 GZIP = b"\x1f\x8b"
 _TAIL = 1 << 16
 _BLOCK = 1 << 20  # Bytes that are read at once

@@ -14,8 +14,7 @@ from cylinder_friction.recordings.formats.format import FileSource, Format, Logg
 from cylinder_friction.recordings.mapping.guessing import facts_of, time_score
 from cylinder_friction.recordings.recording import Start
 
-FIRST_ROWS = 256
-"""Number of first rows that decide whether a channel is a clock."""
+FIRST_ROWS = 256  # Number of first rows that decide whether a channel is a clock
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:

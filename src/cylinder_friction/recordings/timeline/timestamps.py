@@ -20,8 +20,7 @@ LATEST_S = 1e11
 """Largest credible stamp [s], about 3000 years. Larger numbers are ticks, or dates written as one number."""
 USUAL_STEP_SHARE = 0.9
 """Least share of equal steps that shows exact stamps; longer steps are then lost samples, not rounding."""
-JITTER_SHARE = 0.02
-"""Largest deviation of even stamps from an even clock, as a share of a step."""
+JITTER_SHARE = 0.02  # Largest deviation of even stamps from an even clock, as a share of a step
 
 
 @dataclass(frozen=True)
