@@ -323,8 +323,13 @@ def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
     return found if way_of(known) and 0.0 < mean_s <= longest_s else None
 
 
-MILLISECONDS = ("ms", "msec", "millisecond", "milliseconds", "millisekunden")
-"""Names of a column that holds the milliseconds of a stamp beside it."""
+_WORDS = {
+    10**6: "ms msec msecs millisec millisecs millisecond milliseconds millisekunden millitm",
+    10**3: "us µs usec usecs microsec microsecs microsecond microseconds mikrosekunden",
+    1: "ns nsec nsecs nanosec nanosecs nanosecond nanoseconds nanosekunden",
+}
+SUBSECONDS_NS = {word: unit_ns for unit_ns, words in _WORDS.items() for word in words.split()}
+"""Names of a column that holds a part of the second of a stamp beside it, and its unit [ns]."""
 FEWEST_ROWS = 20  # Fewest rows that show an order; in fewer, the order may be chance
 
 
@@ -336,7 +341,7 @@ def names_to_read(names: Iterable[str], wanted: Collection[str] | None) -> set[s
     there = set(names)
     if wanted is None or there.isdisjoint(wanted):
         return there if wanted is None else set()
-    clocks = {name for name in there if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
+    clocks = {name for name in there if words_of(name).quantity == "time" or name.casefold() in SUBSECONDS_NS}
     return clocks | there.intersection(wanted)
 
 
@@ -371,32 +376,34 @@ def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collectio
 
 
 def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
-    """Join dates with times of day; ``clocks`` names the columns of times of day, which are in seconds."""
-    dates = [name for name, values in columns if values.dtype.kind == "M"]
-    days = [name for name, values in columns if name in dates and _known(values, np.timedelta64(1, "D"))]
+    """Join dates with times of day (``clocks``, in seconds), and either with parts of a second."""
     found = dict(columns)
-    if len(days) == 1 and len(clocks) == 1:
-        (day,), (clock,) = days, clocks
-        seconds = np.rint(1e9 * found[clock])
-        stamps = found[day] + np.where(np.isfinite(seconds), seconds, np.iinfo(np.int64).min).astype("timedelta64[ns]")
+    days = [name for name, values in columns if values.dtype.kind == "M" and _known(values, DAY_S)]
+    if len(days) == 1 and len(own := [name for name, _ in columns if name in clocks]) == 1:
+        (day,), (clock,) = days, own
+        dated = found[day] + pd.to_timedelta(found[clock], unit="s").to_numpy()
         kept, joined = (day, clock) if wanted and day in wanted and clock not in wanted else (clock, day)
-        return [(name, stamps if name == kept else own) for name, own in columns if name != joined]
-    parts = [
-        name
-        for name, values in columns
-        if name.casefold() in MILLISECONDS and values.dtype.kind in "iu" and ((values >= 0) & (values < 1000)).all()
+        columns = [(name, dated if name == kept else own) for name, own in columns if name != joined]
+    found = dict(columns)
+    stamps = [
+        each for each in columns if each[1].dtype.kind == "M" or (each[0] in clocks and each[1].dtype.kind == "f")
     ]
-    seconds_of = [name for name in dates if name not in days and _known(found[name], np.timedelta64(1, "s"))]
-    if len(seconds_of) == 1 and len(parts) == 1 and (wanted is None or seconds_of[0] in wanted):
-        stamps = found[seconds_of[0]] + found[parts[0]].astype("timedelta64[ms]")
-        return [(name, stamps if name == seconds_of[0] else own) for name, own in columns if name != parts[0]]
+    whole = [name for name, values in stamps if _known(values, 1) and not _known(values, DAY_S)]
+    parts = {name: SUBSECONDS_NS.get(name.casefold(), 0) for name, each in columns if each.dtype.kind in "iu"}
+    parts = {name: ns for name, ns in parts.items() if ns and ((found[name] >= 0) & (found[name] < 10**9 // ns)).all()}
+    if len(whole) == 1 and len(parts) == 1 and (wanted is None or whole[0] in wanted):
+        ((part, unit_ns),) = parts.items()
+        late: Any = unit_ns * found[part].astype(np.int64)
+        late = late.astype("timedelta64[ns]") if found[whole[0]].dtype.kind == "M" else 1e-9 * late
+        return [(name, own + late if name == whole[0] else own) for name, own in columns if name != part]
     return columns
 
 
-def _known(stamps: NDArray[Any], step: np.timedelta64) -> bool:
-    """Check whether there are stamps and all of them are multiples of ``step``."""
-    known = stamps[~np.isnat(stamps)].astype(np.int64)
-    return len(known) > 0 and not (known % step.astype("timedelta64[ns]").astype(np.int64)).any()
+def _known(stamps: NDArray[Any], step_s: int) -> bool:
+    """Check whether there are stamps and all of them are multiples of ``step_s``."""
+    known = stamps[~pd.isna(stamps)]
+    known_ns = known.astype(np.int64) if known.dtype.kind == "M" else np.rint(1e9 * known).astype(np.int64)
+    return len(known) > 0 and not (known_ns % (step_s * 10**9)).any()
 
 
 def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
