@@ -41,14 +41,17 @@ _MISSING_OR_OVER = frozenset((*MISSING, *OVER_RANGE))
 _FORMS = {".": POINT_NUMBER, ",": COMMA_NUMBER, None: f"{POINT_NUMBER}|{COMMA_NUMBER}"}
 _NUMBERS = {sign: re.compile(rf"{form}|[+-]?inf(?:inity)?", re.IGNORECASE) for sign, form in _FORMS.items()}
 DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
-CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?: ?(?:Z|[+-]\d{2}:?\d{2}))?"
-_DATE_OR_CLOCK = re.compile(rf"{DATE}(?:[T ,]+{CLOCK})?|{CLOCK}")
+TIME_OF_DAY = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?"
+ZONE = r"(?:Z|[+-]\d{2}:?\d{2}|(?:UTC|GMT)(?:[+-]\d{1,2}(?::?\d{2})?)?)"
+CLOCK = f"{TIME_OF_DAY}(?: ?{ZONE})?"
+_DATE_OR_CLOCK = re.compile(rf"{DATE}(?:[T ,]+{CLOCK})?|{CLOCK}|\d{{8}}T\d{{6}}(?:[.,]\d{{1,9}})?Z?")
 _CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:;](?P<f>\d{1,9}))?)?\s*(?P<half>[AaPp][Mm])?"
 _TIME_OF_DAY = f"^{_CLOCK_PARTS}$"
 _MINUTES = r"^(?P<M>\d{1,2}):(?P<S>\d{2})[.,](?P<f>\d{1,9})$"  # as Excel shows a time of day: mm:ss.0
 _WITH_UNIT = r"^(?P<number>[+-]?[\d.,eE+-]*\d)\s*(?P<unit>[^\d\s.,:;+-][^\d\s:]*)$"
-_REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"
+_REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>{ZONE})?$"
 _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
+_BASIC = r"^(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})T(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d+))?(?P<zone>Z?)$"
 _DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
 _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
 _NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4}|\d{2})" + _REST
@@ -158,7 +161,7 @@ def stamps_of(text: Any, name: str) -> CellValues | None:
     slashes, the first row that can only be read one way decides for the column. Stamps with a time zone are converted
     to UTC.
     """
-    for pattern in (_TIME_OF_DAY, _MINUTES, _YEAR_FIRST, _DOTS, _EITHER, _NAMED_MONTH):
+    for pattern in (_TIME_OF_DAY, _MINUTES, _YEAR_FIRST, _BASIC, _DOTS, _EITHER, _NAMED_MONTH):
         if (found := _fields(text, pattern)) is None:
             continue
         fields = {"Y": "1970", "m": "1", "d": "1", "H": "0", "half": "", "zone": "", **found}
@@ -208,7 +211,9 @@ def _instants(fields: dict[str, Any]) -> Any | None:
     date = pc.binary_join_element_wise(year, month, day, "-")
     second = pc.binary_join_element_wise(second, pc.utf8_rpad(fields["f"], 9, "0"), ".")
     clock = pc.binary_join_element_wise(hour, minute, second, ":")
-    zone = pc.if_else(pc.equal(fields["zone"], ""), "Z", fields["zone"])
+    zone = pc.replace_substring_regex(fields["zone"], "^(UTC|GMT)", "")  # UTC+1 becomes +01
+    zone = pc.replace_substring_regex(zone, r"^([+-])(\d)(:|$)", r"\10\2\3")
+    zone = pc.if_else(pc.equal(zone, ""), "Z", zone)
     iso = pc.binary_join_element_wise(pc.binary_join_element_wise(date, clock, "T"), zone, "")
     if iso.null_count > fields["M"].null_count:
         return None
@@ -225,7 +230,7 @@ _KEY = re.compile(
 )
 """Words before a start in a header, in lower case, letters only."""
 _LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
-_DATE, _CLOCK = re.compile(rf"(?<!\d){DATE}(?!\d)"), re.compile(rf"(?<!\d){CLOCK}(?: ?UTC)?")
+_DATE, _CLOCK = re.compile(rf"(?<!\d){DATE}(?!\d)"), re.compile(rf"(?<!\d){CLOCK}")
 
 
 def start_in_header(lines: list[str], delimiter: str) -> Start | None:
@@ -248,7 +253,7 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
         clock = clock or _CLOCK.search(found[2])
     if date is None:
         return None
-    stamp = f"{date[0]} {clock[0].replace('UTC', 'Z')}" if clock else date[0]
+    stamp = f"{date[0]} {clock[0]}" if clock else date[0]
     try:
         dates = stamps_of(pa.array([stamp]), where)
     except RecordingError:  # the day or the month may come first
