@@ -10,7 +10,6 @@ import pytest
 from cylinder_friction.recordings.formats.cells import EPOCHS, epoch_of
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.recording import RecordingError
 
 ROWS = 40
 STEPS_NS = 5_000_000 * np.arange(ROWS)
@@ -113,7 +112,7 @@ def test_rows_that_come_newest_first_are_turned_round(tmp_path: Path, form: str)
         (["2026/03/14 08:15:00:005", "2026/03/14 08:15:01"], ["2026-03-14T08:15:00.005", "2026-03-14T08:15:01"]),
         (["14-Mar-2026 08:15:00", "14-Mar-2026 08:15:01"], ["2026-03-14T08:15:00", "2026-03-14T08:15:01"]),
         (["14-Mar-26 08:15:00", "14-Mar-26 08:15:01"], ["2026-03-14T08:15:00", "2026-03-14T08:15:01"]),
-        (["03/14/2026 12:00:00 AM", "03/14/2026 1:00:00 PM"], ["2026-03-14T00:00:00", "2026-03-14T13:00:00"]),
+        (["03/04/2026 12:00:00 AM", "03/04/2026 1:00:00 PM"], ["2026-03-04T00:00:00", "2026-03-04T13:00:00"]),
         (["2026-03-14 08:15:00 UTC+1", "2026-03-14 08:15:01 UTC"], ["2026-03-14T07:15:00", "2026-03-14T08:15:01"]),
         (["14.03.2026 08:15:00+01:00", "14.03.2026 08:15:01Z"], ["2026-03-14T07:15:00", "2026-03-14T08:15:01"]),
         (["2026-03-14", "2026-03-15"], ["2026-03-14", "2026-03-15"]),
@@ -128,25 +127,22 @@ def test_dates(tmp_path: Path, cells: list[str], expected: list[str]) -> None:
     np.testing.assert_array_equal(stamps, np.array(expected, dtype="datetime64[ns]"))
 
 
-def test_day_and_month_are_never_guessed(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"channel 'Zeit': '01/02/2026 08:00:00' may have the day or the month"):
-        times(tmp_path, ["01/02/2026 08:00:00", "01/02/2026 08:00:01"])
-
-
 @pytest.mark.parametrize(
     ("cells", "unit", "expected"),
     [
         (["08:15:00,125", "08:15:01"], "s", [29700.125, 29701.0]),
         (["08:15:00.5 PM", "12:15:00 am"], "s", [72900.5, 900.0]),
         (["15:00.1", "15:00.2"], "s", [900.1, 900.2]),
+        (["01/02/2026 08:00:00", "01/02/2026 08:00:01"], "s", [28800.0, 28801.0]),
         (["0 sec", "0.005 sec"], "sec", [0.0, 0.005]),
         (["0ms", "5ms"], "ms", [0.0, 5.0]),
     ],
 )
 def test_a_time_of_day_counts_from_midnight(tmp_path: Path, cells: list[str], unit: str, expected: list[float]) -> None:
-    """A duration states its own unit."""
+    """A duration states its own unit. A date that may begin with the day or the month is left out, with a note."""
     table = times(tmp_path, cells)
     assert table.units == {"Zeit": unit}
+    assert ["the day or the month first" in note for note in table.notes] == [True] * ("/" in cells[0])
     np.testing.assert_allclose(table.channels["Zeit"], expected, rtol=1e-15)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cylinder_friction.recordings.formats.format import Column, LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import conversion, names_a_unit
 from cylinder_friction.recordings.mapping.channel_words import words_of
-from cylinder_friction.recordings.recording import RecordingError, Start
+from cylinder_friction.recordings.recording import Start
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
 MISSING = (
@@ -165,7 +165,11 @@ def stamps_of(text: Any, name: str) -> CellValues | None:
         if (found := _fields(text, pattern)) is None:
             continue
         fields = {"Y": "1970", "m": "1", "d": "1", "H": "0", "half": "", "zone": "", **found}
-        if pattern == _EITHER and _month_first(fields, text, name):
+        note = ""
+        if pattern == _EITHER and (month_first := _month_first(fields)) is None:
+            note = f"time: the dates of {name!r} may have the day or the month first; they, and the start, are left out"
+            fields |= {"Y": "1970", "m": "1", "d": "1", "zone": ""}
+        elif pattern == _EITHER and month_first:
             fields["d"], fields["m"] = fields["m"], fields["d"]
         elif pattern == _NAMED_MONTH:
             fields["Y"] = pc.replace_substring_regex(fields["Y"], "^(..)$", r"20\1")
@@ -173,8 +177,8 @@ def stamps_of(text: Any, name: str) -> CellValues | None:
         stamps = _instants(fields)
         if stamps is None:
             return None
-        if "Y" not in found:
-            return CellValues(stamps.cast(pa.int64()).to_numpy() / 1e9, "s", clock=True)
+        if "Y" not in found or note:
+            return CellValues(stamps.cast(pa.int64()).to_numpy() / 1e9, "s", clock=True, note=note)
         zoned = bool(pc.all(pc.not_equal(fields["zone"], "")).as_py())
         return CellValues(stamps.cast(pa.timestamp("ns")).to_numpy(), utc=zoned)
     return None
@@ -188,18 +192,12 @@ def _fields(text: Any, pattern: str) -> dict[str, Any] | None:
     return {field.name: pc.struct_field(parts, field.name) for field in parts.type}
 
 
-def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
-    """Decide whether dates such as 01/02/2026 begin with the month; refuse dates that do not show it."""
+def _month_first(fields: dict[str, Any]) -> bool | None:
+    """Decide whether dates such as 01/02/2026 begin with the month, as those with AM or PM do; None if unknown."""
     first, second = (fields[key].cast(pa.int64()) for key in ("d", "m"))
-    if pc.any(pc.greater(second, 12)).as_py():
-        return True
-    unsettled = pc.index(pc.not_equal(first, second), True).as_py()
-    if unsettled < 0 or pc.any(pc.greater(first, 12)).as_py():
+    if pc.any(pc.greater(first, 12)).as_py() or pc.all(pc.equal(first, second)).as_py():
         return False
-    raise RecordingError(
-        f"channel {name!r}: {text[unsettled].as_py()!r} may have the day or the month first, and no row settles it; "
-        "expected dates with one reading: write them as in ISO 8601 (2026-12-31 08:15:00)"
-    )
+    return pc.any(pc.greater(second, 12)).as_py() or pc.any(pc.not_equal(fields["half"], "")).as_py() or None
 
 
 def _instants(fields: dict[str, Any]) -> Any | None:
@@ -254,11 +252,8 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
     if date is None:
         return None
     stamp = f"{date[0]} {clock[0]}" if clock else date[0]
-    try:
-        dates = stamps_of(pa.array([stamp]), where)
-    except RecordingError:  # the day or the month may come first
-        return None
-    if dates is None:
+    dates = stamps_of(pa.array([stamp]), where)
+    if dates is None or dates.clock:
         return None
     if clock is None:
         return Start(dates.values[0].astype("datetime64[D]"), False, f"{where}, a date without a time of day")
@@ -360,24 +355,13 @@ class Columns(NamedTuple):
 
 
 def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collection[str] | None) -> Columns:
-    """Read named Arrow columns. A column that is not wanted is left out if it cannot be read.
-
-    Date and time of day, or whole seconds and milliseconds, are joined.
-    """
-    columns, units, clocks, notes, utc = list[Column](), dict[str, str](), list[str](), list[str](), False
-    for name, column in named:
-        try:
-            cells = column_values(column, decimal, name)
-        except RecordingError:
-            if wanted is None or name in wanted:
-                raise
-            continue
-        columns.append((name, cells.values))
-        utc |= cells.utc
-        units |= {name: cells.unit} if cells.unit else {}
-        notes += [cells.note] if cells.note else []
-        clocks += [name] if cells.clock else []
-    return Columns(_joined(columns, clocks, wanted), units, notes, utc)
+    """Read named Arrow columns; join date and time of day, or either with parts of a second."""
+    read = [(name, column_values(column, decimal, name)) for name, column in named]
+    clocks = [name for name, cells in read if cells.clock]
+    units = {name: cells.unit for name, cells in read if cells.unit}
+    notes = [cells.note for _, cells in read if cells.note]
+    columns = _joined([(name, cells.values) for name, cells in read], clocks, wanted)
+    return Columns(columns, units, notes, any(cells.utc for _, cells in read))
 
 
 def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
