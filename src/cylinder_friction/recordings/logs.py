@@ -248,7 +248,7 @@ def find_logs(
     paths, guess, tables = log_paths(given), None, list[LoggedTable]()
     try:
         if channels is None:
-            guess, tables = _guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
+            guess, tables = _guessed(paths, cylinder, units or {}, None if database is None else Path(database))
             settings: dict[str, Any] = {"channels": {name: each.entry for name, each in guess.columns.items()}}
         elif units:
             raise RecordingError(
@@ -267,16 +267,16 @@ def find_logs(
         ) from error
     return replace(
         logs.with_sensor_class(sensor_class),
-        guessed=None if guess is None else {"from": paths[0].name, "columns": guess.to_dict()},
-        tables={name: tables for name, path in logs.files.items() if guess is not None and path == paths[0]},
+        guessed=None if guess is None else {"from": guess.path.name, "columns": guess.to_dict()},
+        tables={name: tables for name, path in logs.files.items() if guess is not None and path == guess.path},
         inputs=(*existing([*given, mapping]), *paths),
     )
 
 
 def _guessed(
-    path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None
+    paths: Sequence[Path], cylinder: Cylinder, units: Mapping[str, str], database: Path | None
 ) -> tuple[GuessedMapping, list[LoggedTable]]:
-    """Guess a mapping from a log and warn of every guess; also return the log's tables, unless it has parts."""
+    """Guess a mapping from the first log that can be read, and warn; also return its tables, unless it has parts."""
     for quantity, unit in units.items():
         column = next((column for column in QUANTITIES if QUANTITIES[column] == quantity), None)
         if column is None:
@@ -284,8 +284,14 @@ def _guessed(
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
         if quantity != "time" or stated_rate(unit) is None:
             check_unit(column, unit)
+    for path in paths:
+        try:
+            tables = read_logged_file(path, database=database, rows=ROWS_AT_ONCE)
+            break
+        except RecordingError as error:
+            if path == paths[-1]:
+                raise RecordingError(f"{path}: {error}") from error
     try:
-        tables = read_logged_file(path, database=database, rows=ROWS_AT_ONCE)
         guess = guess_mapping(tables, path, cylinder, units)
         refuse_unknown(guess, units)
     except RecordingError as error:
