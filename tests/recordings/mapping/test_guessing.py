@@ -93,6 +93,7 @@ BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
         (BY_ORDER, list(BY_ORDER), "CHECK: which side it is was guessed from the order"),
         ({"t": TIME, "Force [N]": X, "pos [mm]": X}, ["t", "Force [N]", "pos [mm]"], "the force stands in"),
         (PAIR | {"Load cell [kN]": X}, [*PAIR, "Load cell [kN]"], "it must be positive when it resists extension"),
+        (PAIR | {"Friction [N]": X}, list(PAIR), "#   Friction [N]"),
         *[(CRANE | dict(zip(each, (P1, P2, STROKE), strict=True)), ["Name", *each], "") for each in (JIB, JIB_APART)],
         ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "NOT FOUND: name the channel"),
         ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "#   y: values 0 to 1"),

@@ -41,7 +41,8 @@ QUANTITY_WORDS = {
     ),
     "temperature": _words("temp", "temperatur"),
     "length": _words("x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf"),
-    "force": _words("f fx fz load last", "force kraft loadcell kraftmess friction reibung"),
+    "friction": _words("", "friction reibung reibkraft"),  # computed elsewhere, so that it is no load
+    "force": _words("f fx fz load last", "force kraft loadcell kraftmess"),
     "other": _words("v u vel speed acc", "velocity geschwindigkeit beschleunigung acceleration spannung voltage strom"),
 }
 """Words for each quantity. If words of equal rank name two quantities, the first quantity is taken."""
