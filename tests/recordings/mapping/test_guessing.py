@@ -118,6 +118,8 @@ def test_units_are_taken_from_the_file_or_guessed_and_signals_get_a_sensor_to_fi
     assert "unit MPa as stated" in comment_of(text, "pressure_1_pa")
     assert "values 0 to 30 fit MPa" in comment_of(text, "pressure_2_pa")
     assert "CHECK: the unit is stated nowhere; bar or psi would fit too" in comment_of(text, "pressure_2_pa")
+    text = text_of({"t": TIME, "p_abs_A [bar]": P1, "Absolutdruck B [psi]": P2, "x [mm]": X})
+    assert [entry["unit"] for entry in channels_of(text).values()] == ["s", "bar abs", "psi abs", "mm"]
     text = text_of(values, {"p1": "V", "p2": "mA"})
     one, other = (ChannelMapping.from_dict(channels_of(text)[f"pressure_{side}_pa"]).sensor for side in (1, 2))
     assert one == SensorScale((0, 1), "bar", (0, 10))

@@ -33,6 +33,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     of_stroke,
     quantity_of,
     stated_rate,
+    stated_reference,
 )
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.recording import RecordingError
@@ -42,21 +43,18 @@ BELOW_ZERO = 0.05
 """Share of its travel beyond which a position below zero shows that it does not count from the retracted end."""
 MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 """Most different names, and least mean number of rows per name, of a column that names channels."""
+_ABSOLUTE = re.compile(r"absolut|(?<![^\W_])abs(?![^\W_])", re.IGNORECASE)
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 LIKELY_UNITS = {
     "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7), ("d", 1e-10, 5e-6)),
     "pressure": (
-        ("bar", 1.0, 700.0),
-        ("Pa", 1e5, 7e7),
-        ("kPa", 100.0, 7e4),
-        ("psi", 15.0, 1e4),
-        ("MPa", 0.1, 70.0),
+        ("bar", 1.0, 700.0), ("Pa", 1e5, 7e7), ("kPa", 100.0, 7e4), ("psi", 15.0, 1e4), ("MPa", 0.1, 70.0),
         ("mbar", 1e3, 7e5),
     ),
     "length": (("m", 0.01, 2.0), ("mm", 2.0, 5000.0), ("in", 1.0, 100.0), ("cm", 1.0, 300.0)),
     "force": (("N", 100.0, 5e6), ("kN", 0.1, 5000.0)),
     "temperature": (("°C", -40.0, 120.0), ("°F", -40.0, 250.0)),
-}
+}  # fmt: skip
 """Units of each quantity, likeliest first, each with bounds of the greatest value on a common cylinder.
 
 For time they bound the step, for length the travel. The pressures of one file share a unit, which all must fit.
@@ -403,6 +401,8 @@ def _guessed(
         )
         reasons.append(f"{size_in_words(column, channel)}{f' fit {unit}' if fitting else f'; {unit} is usual'}")
         checks.append(f"the unit is stated nowhere{also}")
+    if column in SIDES and _ABSOLUTE.search(channel.name) and stated_reference(unit) is None and not electrical(unit):
+        unit, reasons = f"{unit} abs", [*reasons, "name means absolute"]
     entry = {"channel": channel.name, "unit": unit}
     return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, fitting)
 
