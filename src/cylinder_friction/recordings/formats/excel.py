@@ -1,10 +1,12 @@
 """Read Excel workbooks (.xlsx) with openpyxl; each sheet is read as if it had been saved as a text table."""
 
+import re
 from collections.abc import Collection
 from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
 
+from cylinder_friction.recordings.formats.cells import COMMA_NUMBER
 from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.format import HEAD_SIZE, CsvOptions, FileSource, Format, LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
@@ -55,7 +57,8 @@ def _as_text(sheet: Any) -> FileSource:
 
 def _cell(value: Any) -> str:
     if isinstance(value, str):
-        return " ".join(value.split())
+        text = " ".join(value.split())
+        return text.replace(",", ".") if re.fullmatch(COMMA_NUMBER, text) else text
     if isinstance(value, datetime):
         return value.isoformat(sep=" ")
     if isinstance(value, timedelta):
