@@ -84,7 +84,7 @@ KNOWN = frozenset().union(*_CONVERSIONS.values(), ELECTRICAL, OTHER_QUANTITIES, 
 
 _PORTS = frozenset("ABCFGHKPTXY")
 """Single letters that more probably name a port or an axis than a unit: 'pressure (A)'."""
-_IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\]$")
+_IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\](?:\s*\([^()]*\))?$")
 _IN_PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\(\s*(?P<unit>[^()]*?)\s*\)$")
 _DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) )(?P<unit>\S+)$")
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
@@ -157,7 +157,7 @@ def unit_in_name(name: str) -> str | None:
         return match["unit"]
     for pattern in (_IN_PARENTHESES, _DIVIDED):
         match = pattern.match(name)
-        if match and match["unit"].casefold() in KNOWN and match["unit"].upper() not in _PORTS:
+        if match and bare(match["unit"]).casefold() in KNOWN and match["unit"].upper() not in _PORTS:
             return match["unit"]
     return None
 
