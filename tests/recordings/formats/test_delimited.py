@@ -63,9 +63,9 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
 @pytest.mark.parametrize(
     ("header", "units"),
     [
-        ("t [s],P1 [bar],axis[1]", {"t [s]": "s", "P1 [bar]": "bar"}),
+        ("t [s],P1 [bar] (AVE),axis[1]", {"t [s]": "s", "P1 [bar] (AVE)": "bar"}),
         ("t (s),P1 (bar),pressure (A)", {"t (s)": "s", "P1 (bar)": "bar"}),
-        ("t/s,v/mm/s,x in mm", {"t/s": "s", "v/mm/s": "mm/s", "x in mm": "mm"}),
+        ("t/s,v/mm/s,p in N/mm²", {"t/s": "s", "v/mm/s": "mm/s", "p in N/mm²": "N/mm²"}),
         ("t,P1 (rod side),x\ns,bar,mm", {"t": "s", "P1 (rod side)": "bar", "x": "mm"}),
         ("t,P1,x\n[s],[bar],", {"t": "s", "P1": "bar"}),
         ("t,P1,x\n(s),(bar),(°C)\nclock,piston,oil", {"t": "s", "P1": "bar", "x": "°C"}),
@@ -149,7 +149,7 @@ def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], no
     ("content", "message"),
     [
         ("t,p\n", r"no rows of numbers were found \(lines searched: 1\)"),
-        (LABVIEW + ROWS * 99 + ",\n" + LABVIEW[LABVIEW.index("Chan") :], "ends the first of several segments"),
+        (LABVIEW + ROWS * 99 + ",\n" + LABVIEW[LABVIEW.index("Chan") :], "two logs or segments"),
         ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 instead of 2 values: '5'; correct it, or cut"),
         ("# log 1\nt,p\n0,1\n1,2\n# log 2\nt,p\n0,3\n", "line 5 holds 1 instead of 2 values: '# log 2'"),
     ],

@@ -54,7 +54,6 @@ _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 _DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
 """Date formats in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
 
-_SEGMENT = "***End_of_Header***"  # Line of LabVIEW above the names of each segment
 _UNIT_WORD = re.compile("unit|einheit", re.IGNORECASE)
 """In the first cell of a line of units, such as 'Unit', 'Vertical Units', 'Y_Unit_Label'."""
 SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
@@ -226,17 +225,12 @@ class _Rows:
         return [(number, line) for number, line in lines if line or len(self.layout.names) == 1]
 
     def _refuse_ragged_line(self) -> None:
-        width, lines = len(self.layout.names), self._lines()
-        for number, line in lines:
+        width = len(self.layout.names)
+        for number, line in self._lines():
             if (count := len(split_cells(line, self.layout.delimiter))) != width:
-                if any(each.startswith(_SEGMENT) for _, each in lines):
-                    raise RecordingError(
-                        f"line {number} ends the first of several segments; write one segment per file, or a header "
-                        "only once (in LabVIEW 'One header only')"
-                    )
                 raise RecordingError(
                     f"line {number} holds {count} instead of {width} values: {line[:80]!r}; correct it, or cut the "
-                    "file there if it holds two logs"
+                    "file there if it holds two logs or segments (in LabVIEW, write one header only)"
                     + (", or export it separated by tab or semicolon" if self.layout.delimiter == "whitespace" else "")
                 )
 
@@ -316,16 +310,13 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     delimiters = DELIMITERS if stated == "auto" else (stated,)
     lines = _rows_padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
-    # All delimiters that occur in no line give the same grid of one column.
     looked_at = [lines[index] for index in content[-LOOKED_AT:]]
-    characters = set("".join(looked_at))
-    absent = [each for each in delimiters if characters.isdisjoint(" \t" if each == "whitespace" else each)]
-    tried = [each for each in delimiters if each not in absent[1:]]
+    tried = [each for each in delimiters if each != "whitespace" or re.search("[ \t]", "".join(looked_at))]
     grids = [grid for delimiter in tried if (grid := _grid(looked_at, delimiter, decimal)) is not None]
     if not grids:
         raise RecordingError(
             f"no rows of numbers were found (lines searched: {len(content)}); expected a table: a line of names and "
-            "one line per sample; name the delimiter and the decimal sign if they are unusual"
+            "one line per sample; state what is unusual in the mapping, such as csv: {delimiter: '^', decimal: ','}"
         )
     grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content)
@@ -426,7 +417,7 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
     of each row is named ''.
     """
     block: list[list[str]] = []
-    for line in reversed([line for line in above if line.strip() and not line.startswith(_SEGMENT)]):
+    for line in reversed([line for line in above if line.strip() and not line.startswith("***")]):
         comment = line.lstrip().startswith(("#", "%", "//"))
         cells = split_cells(line.lstrip("#%/ ") if comment else line, grid.delimiter)
         more = len(cells) - grid.width

@@ -72,15 +72,12 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         )
     stamps, start = _stamps(tables, clocks, mapping)
     _refuse_two_clocks(tables, stamps)
-    notes = [note for index in sorted(set(places.values())) for note in tables[index].notes]
+    notes = list(dict.fromkeys(note for index in sorted(set(places.values())) for note in tables[index].notes))
     signals = {}
     for column, place in places.items():
         source, time_s = mapping[column], stamps[clocks[column]]
         _check_unit(tables[place], source.channel, source.unit, column, source.absolute)
-        cells = tables[place].channels[source.channel]
-        if column == OIL_TEMPERATURE and cells.dtype.kind == "O":
-            cells = pd.to_numeric(cells, errors="coerce")
-        raw = _numbers(cells, source.channel, column, source.unit)
+        raw = _numbers(tables[place].channels[source.channel], source.channel, column, source.unit)
         if len(time_s) != len(raw):
             raise RecordingError(
                 f"channel {source.channel!r} (for {column!r}) has {len(raw)} rows, but its time channel "
@@ -183,11 +180,7 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
 
 
 def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, ChannelMapping]) -> None:
-    """Refuse columns of one clock that end at different rows, because they were logged at different rates.
-
-    This is so if a column without gaps ends at a half, a third, ... of the rows, or at any other row if the rate is
-    stated.
-    """
+    """Refuse columns of one clock that end at different rows, because they were logged at different rates."""
     ends: dict[int, dict[str, int]] = {}
     for column, signal in signals.items():
         valid = np.isfinite(signal.values)
@@ -324,7 +317,7 @@ def _numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array
         )
     values: Array = pd.to_numeric(raw, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
     rows = np.flatnonzero(np.isnan(values) & raw.notna().to_numpy())
-    if len(rows):
+    if len(rows) and column != OIL_TEMPERATURE:
         raise RecordingError(
             f"channel {channel!r} (for {column!r}) holds {str(raw.iloc[rows[0]])[:80]!r} in row {rows[0] + 1} "
             f"({len(rows)} in all); expected numbers in {unit}; repair or cut the log"
