@@ -228,36 +228,39 @@ _KEY = re.compile(
 )
 """Words before a start in a header, in lower case, letters only."""
 _LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
-_DATE, _CLOCK = re.compile(rf"(?<!\d){DATE}(?!\d)"), re.compile(rf"(?<!\d){CLOCK}")
+_SPAN = re.compile(r"(test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)(time|zeit)")
+"""Words before a duration, or before a time of day if the date has the same first word."""
+_DATE = re.compile(rf"(?<!\d){DATE}(?!\d)")
+_CLOCK = re.compile(rf"(?<!\d)(?P<time>{TIME_OF_DAY})(?: ?(?P<zone>{ZONE}))?(?: ?(?P<letters>[A-Z]{{2,4}}[TZ])\b)?")
 
 
 def start_in_header(lines: list[str], delimiter: str) -> Start | None:
     """Read the start in the lines above a text table's rows; None without an unambiguous date.
 
     It reads the FILETIME of the TwinCAT Scope, lines such as ``Start time: 2026-03-27 10:15:00``, and a date and a time
-    of day on separate lines.
+    of day on separate lines. A time of 00:00:00 is that of a date alone, as spreadsheets write it.
     """
-    date = clock = None
-    where = ""
+    stated = list[tuple[str, str, str]]()
     for line in lines:
         cells = line.split(delimiter) if delimiter != "whitespace" else [line]
         if cells[0].strip().casefold() == "starttime of export" and len(cells) > 1 and cells[1].strip().isdecimal():
             return Start(FILETIME.stamps(np.array([int(cells[1])]))[0], True, "FILETIME of the header")
         found = _LINE.match(line.rstrip())
-        if found is None or not _KEY.fullmatch(re.sub(r"[\W_]", "", found[1]).casefold()):
-            continue
-        if date is None and (date := _DATE.search(found[2])):
-            where = f"header line {line.strip()[:60]!r}"
-        clock = clock or _CLOCK.search(found[2])
-    if date is None:
+        if found and _KEY.fullmatch(key := re.sub(r"[\W_]", "", found[1]).casefold()):
+            stated.append((key, re.sub("[()]", "", found[2]), f"header line {line.strip()[:60]!r}"))
+    dated = next(((date[0], *each) for each in stated if (date := _DATE.search(each[1]))), None)
+    if dated is None:
         return None
-    stamp = f"{date[0]} {clock[0]}" if clock else date[0]
-    dates = stamps_of(pa.array([stamp]), where)
-    if dates is None or dates.clock:
+    day, key, own, where = dated
+    others = (text for word, text, _ in stated if not (span := _SPAN.fullmatch(word)) or key.startswith(span[1]))
+    clocks = (clock for text in (own, *others) if (clock := _CLOCK.search(text)) and clock[0].strip("0:.,"))
+    of_day, zone, letters = clock.groups("") if (clock := next(clocks, None)) else ("00:00", "", "")
+    stamps = stamps_of(pa.array([f"{day} {of_day} {zone}"]), where)
+    if stamps is None or stamps.clock or stamps.values[0] < np.datetime64(EARLIEST_S, "s"):
         return None
-    if clock is None:
-        return Start(dates.values[0].astype("datetime64[D]"), False, f"{where}, a date without a time of day")
-    return Start(dates.values[0], dates.utc, where)
+    unsaid = f", whose time zone {letters} is not known" if letters else ", a date without a time of day"
+    at = stamps.values[0] if clock else stamps.values[0].astype("datetime64[D]")
+    return Start(at, stamps.utc, where if clock and not letters else where + unsaid)
 
 
 EARLIEST_S = 946_684_800  # Earliest credible date of a log, the year 2000 [s since 1970]
