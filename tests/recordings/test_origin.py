@@ -72,12 +72,12 @@ def local(log: pd.DataFrame, path: Path) -> None:
     to_csv(dated(log, None), path)
 
 
-def since_1970(log: pd.DataFrame, path: Path) -> None:
-    to_csv(log.assign(t=log["t"] + BEGIN.timestamp()), path)
-
-
 def to_csv(log: pd.DataFrame, path: Path, form: str = "%d.%m.%Y %H:%M:%S.%f") -> None:
     log.to_csv(path, index=False, date_format=form)
+
+
+def seconds_of_day(log: pd.DataFrame, path: Path) -> None:  # they begin 50 s after the start of the header
+    path.write_text("Start: 2026-03-27T10:14:10+01:00\n" + log.assign(t=log["t"] + 36_900.0).to_csv(index=False))
 
 
 def with_header(log: pd.DataFrame) -> str:
@@ -92,7 +92,8 @@ LOGS: dict[str, tuple[Callable[[pd.DataFrame, Path], Any], str, str, str]] = {
     "dates without a zone": (local, "", UTC.removesuffix("Z"), STAMPS),
     "dates of a stated zone": (local, "Europe/Oslo", OSLO, f"{STAMPS}, Europe/Oslo"),
     "Parquet": (lambda log, path: dated(log).to_parquet(path), "", UTC, STAMPS),
-    "seconds since 1970": (since_1970, "", UTC, "time stamps of 't'"),
+    "seconds since 1970": (lambda log, path: to_csv(log.assign(t=log["t"] + BEGIN.timestamp()), path), "", UTC, STAMPS),
+    "seconds of the day": (seconds_of_day, "", UTC, STAMPS),
     "a header": (lambda log, path: path.write_text(with_header(log)), "", UTC, "FILETIME of the header"),
     "nothing": (to_csv, "", "", ""),
 }

@@ -324,6 +324,7 @@ class Start:
     utc: bool  # Whether it is UTC; otherwise it is the time of the logger's clock, whose time zone is not stated
     source: str  # Its source, in words
     dated_rows: bool = False  # Whether every row is dated, also after a restart of the clock
+    midnight: np.datetime64 | None = None  # Midnight before it in the time zone of a header that states it
 
     @property
     def day_only(self) -> bool:

@@ -78,7 +78,7 @@ class CellValues(NamedTuple):
 
     values: NDArray[Any]  # Numbers, dates, or numbers and text, shape ``(n,)``
     unit: str = ""  # Unit that every cell states; ``s`` for times of day, which are seconds since midnight
-    clock: bool = False  # Whether the values are times of day
+    clock_s: int = 0  # Period of a clock: a day for times of day, an hour for minutes and seconds; 0 for other values
     utc: bool = False  # Whether every date states its time zone
     note: str = ""  # Which cells were read as missing
 
@@ -92,7 +92,7 @@ def column_values(column: Any, decimal: str, name: str) -> CellValues:
         clock = bool(types.is_time(kind))
         nanoseconds = column.cast(pa.time64("ns") if clock else pa.duration("ns")).cast(pa.int64())
         seconds = pc.divide(nanoseconds.cast(pa.float64()), 1e9).to_numpy()
-        return CellValues(seconds, "s" if clock else "", clock)
+        return CellValues(seconds, "s" if clock else "", DAY_S * clock)
     utc = types.is_timestamp(kind) and kind.tz is not None
     if types.is_temporal(kind):
         column = column.cast(pa.timestamp("ns"))
@@ -178,7 +178,8 @@ def stamps_of(text: Any, name: str) -> CellValues | None:
         if stamps is None:
             return None
         if "Y" not in found or note:
-            return CellValues(stamps.cast(pa.int64()).to_numpy() / 1e9, "s", clock=True, note=note)
+            seconds = stamps.cast(pa.int64()).to_numpy() / 1e9
+            return CellValues(seconds, "s", HOUR_S if pattern == _MINUTES else DAY_S, note=note)
         zoned = bool(pc.all(pc.not_equal(fields["zone"], "")).as_py())
         return CellValues(stamps.cast(pa.timestamp("ns")).to_numpy(), utc=zoned)
     return None
@@ -255,12 +256,12 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
     others = (text for word, text, _ in stated if not (span := _SPAN.fullmatch(word)) or key.startswith(span[1]))
     clocks = (clock for text in (own, *others) if (clock := _CLOCK.search(text)) and clock[0].strip("0:.,"))
     of_day, zone, letters = clock.groups("") if (clock := next(clocks, None)) else ("00:00", "", "")
-    stamps = stamps_of(pa.array([f"{day} {of_day} {zone}"]), where)
-    if stamps is None or stamps.clock or stamps.values[0] < np.datetime64(EARLIEST_S, "s"):
+    stamps = stamps_of(pa.array([f"{day} {of_day} {zone}", f"{day} 00:00 {zone}"]), where)
+    if stamps is None or stamps.clock_s or stamps.values[0] < np.datetime64(EARLIEST_S, "s"):
         return None
     unsaid = f", whose time zone {letters} is not known" if letters else ", a date without a time of day"
     at = stamps.values[0] if clock else stamps.values[0].astype("datetime64[D]")
-    return Start(at, stamps.utc, where if clock and not letters else where + unsaid)
+    return Start(at, stamps.utc, where if clock and not letters else where + unsaid, midnight=stamps.values[1])
 
 
 EARLIEST_S = 946_684_800  # Earliest credible date of a log, the year 2000 [s since 1970]
@@ -289,7 +290,7 @@ class Epoch:
         return stamps
 
 
-DAY_S = 86_400
+MINUTE_S, HOUR_S, DAY_S = 60, 3_600, 86_400
 DAY_NS = DAY_S * 10**9
 FILETIME = Epoch("ticks of 100 ns", 100, 116_444_736_000_000_000, "1601 (FILETIME)", True)
 EPOCHS = (
@@ -355,16 +356,17 @@ class Columns(NamedTuple):
     units: dict[str, str]  # Units that their cells state, by name
     notes: list[str]
     utc: bool  # Whether time stamps state their time zone
+    clocks: dict[str, int]  # Periods of times of day [s], by name
 
 
 def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collection[str] | None) -> Columns:
     """Read named Arrow columns; join date and time of day, or either with parts of a second."""
     read = [(name, column_values(column, decimal, name)) for name, column in named]
-    clocks = [name for name, cells in read if cells.clock]
+    clocks = {name: cells.clock_s for name, cells in read if cells.clock_s}
     units = {name: cells.unit for name, cells in read if cells.unit}
     notes = [cells.note for _, cells in read if cells.note]
     columns = _joined([(name, cells.values) for name, cells in read], clocks, wanted)
-    return Columns(columns, units, notes, any(cells.utc for _, cells in read))
+    return Columns(columns, units, notes, any(cells.utc for _, cells in read), clocks)
 
 
 def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
@@ -389,6 +391,27 @@ def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[s
         late = late.astype("timedelta64[ns]") if found[whole[0]].dtype.kind == "M" else 1e-9 * late
         return [(name, own + late if name == whole[0] else own) for name, own in columns if name != part]
     return columns
+
+
+def on_its_day(found: Columns, start: Start | None, dated: Collection[str] | None) -> Columns:
+    """Date times of day, past midnight too, if a header states the day; ``dated`` names them if they are known.
+
+    Times that begin in the first minute are durations. Numbers, or minutes and seconds, are times of day only if they
+    begin within a minute of the start.
+    """
+    if start is None or start.midnight is None:
+        return found
+    columns, utc, stated_s = list[Column](), found.utc, (start.at - start.midnight) / np.timedelta64(1, "s")
+    for name, values in found.columns:
+        period_s = found.clocks.get(name, DAY_S)
+        if values.dtype.kind in "iuf" and (name in found.clocks or words_of(name).quantity == "time"):
+            first_s, hour_s = next(iter(values[np.isfinite(values)]), 0.0), stated_s // period_s * period_s
+            near = found.clocks.get(name) == DAY_S or abs(first_s + hour_s - stated_s) < MINUTE_S
+            if near and first_s >= MINUTE_S if dated is None else name in dated:
+                since_s = hour_s + first_s + (values - first_s + period_s / 4) % period_s - period_s / 4
+                values, utc = start.midnight + pd.to_timedelta(since_s, unit="s").to_numpy(), start.utc
+        columns.append((name, values))
+    return found._replace(columns=columns, utc=utc)
 
 
 def _known(stamps: NDArray[Any], step_s: int) -> bool:

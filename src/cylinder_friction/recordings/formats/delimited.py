@@ -24,6 +24,7 @@ from cylinder_friction.recordings.formats.cells import (
     is_number,
     is_value,
     names_to_read,
+    on_its_day,
     start_in_header,
     way_of,
 )
@@ -90,7 +91,8 @@ def read_delimited(
         bounds.append(_line_end(text, bounds[-1] + step))
     whole, *later = (_Rows(text, layout, start, begin, *each) for each in pairwise(bounds))
     first, *others = whole.tables(wanted)
-    more = (lambda: (part.tables(wanted)[0] for part in later)) if later else None
+    dated = [str(name) for name, values in first.channels.items() if values.dtype.kind == "M"]
+    more = (lambda: (replace(part, dated=dated).tables(wanted)[0] for part in later)) if later else None
     return [replace(first, notes=(*text.notes, *first.notes), more=more, parts=parts), *others]
 
 
@@ -131,6 +133,7 @@ class _Rows:
     first: int  # The byte where the first row of the table begins
     begin: int
     end: int
+    dated: Collection[str] | None = None  # The columns of dates in the first part; None in that part
 
     def tables(self, wanted: Collection[str] | None) -> list[LoggedTable]:
         """Read the wanted columns, and those that may be time: one table, or one for each time column of one name."""
@@ -145,7 +148,7 @@ class _Rows:
         commas = not floats and any(map(holds_decimal_commas, table.columns))
         decimal = self.layout.decimal or ("," if commas else ".")
         named = [(names[index], column) for index, column in zip(loaded, table.columns, strict=True)]
-        found = columns_of(named, decimal, wanted)
+        found = on_its_day(columns_of(named, decimal, wanted), self.start, self.dated)
         columns = [
             (name or f"column_{len(names)}", each) for name, each in found.columns if name or not pd.isna(each).all()
         ]
