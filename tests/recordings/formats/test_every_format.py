@@ -121,8 +121,7 @@ BINARY = bytes(range(256)) * 4
         ("log.csv", b"TDSh\x0e\0\0\0", r"is the index of a TDMS file: take the \.tdms file itself"),
         ("log.csv", BINARY, r"neither text nor a known binary log: it begins with b'\\x00\\x01"),
         ("log.csv", b"\x1f\x8b\x08\0\0\0\0\0\0\0\xff\xff", "its gzip cannot be unpacked: .*; the file is damaged or c"),
-        ("rec.svdx", BINARY, "neither text .*; if it is a TwinCAT Scope's, export it as CSV with a time column for ea"),
-        ("pda.DAT", BINARY, "neither text .*; if it is of iba, extract it as ASCII or TDMS; if of imc, export it as t"),
+        ("rec.svdx", BINARY, "neither text .*; export it so from its own program"),
     ],
 )
 def test_what_is_no_log_is_refused_by_name(tmp_path: Path, name: str, content: bytes, message: str) -> None:

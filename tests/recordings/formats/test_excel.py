@@ -1,4 +1,3 @@
-from contextlib import nullcontext
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -54,11 +53,9 @@ def test_a_workbook_without_a_table_says_which_sheet_holds_none(tmp_path: Path) 
         read_logged_file(saved(tmp_path / "log.xlsx", Info=[["Operator", "Zoë"]]))
 
 
-@pytest.mark.parametrize(("row", "column"), [(1, 16384), (1_048_576, 16384), (1_048_576, 2)])
-def test_a_cell_far_away_takes_no_memory_for_those_between(tmp_path: Path, row: int, column: int) -> None:
+def test_a_cell_far_below_takes_no_memory_for_those_between(tmp_path: Path) -> None:
     path = saved(tmp_path / "log.xlsx", Data=[["t", "p"], *ROWS])
     book = openpyxl.load_workbook(path)
-    book.worksheets[0].cell(row, column).value = 1.0
+    book.worksheets[0].cell(1_048_576, 2).value = 1.0
     book.save(path)
-    with pytest.raises(RecordingError, match="has more than 10,000 columns") if column > 2 else nullcontext():
-        read_logged_file(path)
+    assert len(read_logged_file(path)[0].channels) == 5

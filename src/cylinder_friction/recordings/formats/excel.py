@@ -11,7 +11,6 @@ from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.format import HEAD_SIZE, CsvOptions, FileSource, Format, LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
-MOST_COLUMNS = 10_000  # Most columns of a sheet
 _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
 
 
@@ -46,8 +45,6 @@ def _as_text(sheet: Any) -> FileSource:
         cells = [_cell(value) for value in row]
         while cells and not cells[-1]:
             cells.pop()
-        if len(cells) > MOST_COLUMNS:
-            raise RecordingError(f"has more than {MOST_COLUMNS:,} columns; export the channels of the cylinder alone")
         if cells:
             rows.append(cells)
     width = max((len(row) for row in rows), default=0)

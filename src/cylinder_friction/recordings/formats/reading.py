@@ -34,17 +34,9 @@ _OTHERS = {
     b"{": "JSON: export the table as CSV",
     b"<": "XML or a web page: export the table as CSV",
 }
-_OWN_FILES = {
-    ".svdx": "; if it is a TwinCAT Scope's, export it as CSV with a time column for each sample time",
-    ".dat": "; if it is of iba, extract it as ASCII or TDMS; if of imc, export it as text (ASCII, CSV)",
-    ".raw": "; if it is of imc, export it as text (ASCII, CSV)",
-    ".bin": "; if it is catman's, export it as text (ASCII)",
-    ".blf": "; if it is a trace of a bus, decode it with the bus's database and save the signals as MDF 4",
-}
-"""Endings of the own formats of measurement programs, and the export that can be read instead."""
 
 
-def format_of(head: bytes, suffix: str = "") -> Format:
+def format_of(head: bytes) -> Format:
     """Determine the format of a file by its first bytes."""
     found = [each for each in FORMATS.values() if head.startswith(each.starts)] or [
         each for each in FORMATS.values() if each.fits and each.fits(head)
@@ -55,7 +47,7 @@ def format_of(head: bytes, suffix: str = "") -> Format:
     if not other and is_text(head):
         return delimited.FORMAT
     problem = other or f"is neither text nor a known binary log: it begins with {head[:8]!r}"
-    raise RecordingError(f"{problem}; expected one of {', '.join(FORMATS)}{_OWN_FILES.get(suffix.lower(), '')}")
+    raise RecordingError(f"{problem}; expected one of {', '.join(FORMATS)}; export it so from its own program")
 
 
 def read_logged_file(
@@ -77,7 +69,7 @@ def read_logged_file(
             Text and Parquet are read part by part; large files of other formats are refused. None reads all at once.
     """
     source = open_source(path)
-    found = format_of(source.head, path.suffix)
+    found = format_of(source.head)
     found.refuse_missing_library()
     if database is not None and "database" not in found.takes:
         raise RecordingError(f"database {database}: is for an MDF file of bus frames, not for {found.what}")
