@@ -42,6 +42,10 @@ def test_one_line_per_new_file_and_the_page(log: Path, tmp_path: Path, capsys: p
     printed = capsys.readouterr().out
     assert "1 result of earlier runs kept\n" in printed
     assert "stroke: friction" not in printed
+    table = pd.read_csv(log)
+    table.drop(index=range(len(table) - 700, len(table) - 600)).to_csv(log, index=False)
+    assert main([*given, "--output", f"{tmp_path}/gap"]) == 1
+    assert "\nstroke.csv (piece 2 of 2): refused: lasts 3 s" in capsys.readouterr().out
 
 
 def test_json_is_all_that_is_printed(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -131,7 +131,7 @@ def print_result(
     if as_json:
         print(json.dumps({**result.to_dict(), "notes": notes}, indent=2))
         return
-    refused = [f"{each.file}: refused: {each.reason}" for each in result.refused]
+    refused = [f"{each.where}: refused: {each.reason}" for each in result.refused]
     refused += advice(result.guessed, refused)
     where = [f"files    {result.folder}", f"page     {result.folder / page}"]
     print("\n".join([*(f"note     {note}" for note in notes), *lines, *refused, "", *beside, *where]))
