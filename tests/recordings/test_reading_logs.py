@@ -104,6 +104,7 @@ WRONG = {
     "csv.yaml": {"channels": CHANNELS, "csv": 5},
     "checks.yaml": {"channels": CHANNELS, "checks": {"stroke": 1}},
     "defaults.yaml": {"channels": CHANNELS, "defaults": 5},
+    "option.yaml": {"channels": CHANNELS, "csv": {"foo": 1}},
     "keys.yaml": {"channels": CHANNELS, "name_table": "names.csv"},
     "empty.yaml": {"source": "here"},
 }
@@ -122,6 +123,7 @@ WRONG = {
             ("log.csv", file, None, f"{file}: is no mapping of channels to columns with rules")
             for file in list(WRONG)[:4]
         ],
+        ("log.csv", "option.yaml", None, "key 'foo' is not known; expected some of delimiter, decimal"),
         ("log.csv", "keys.yaml", None, "key 'name_table' is not known; expected some of channels, source"),
         ("log.csv", "empty.yaml", None, "expected a key 'channels' with one entry per column, but got source"),
         ("log.csv", None, {"presure": "bar"}, "units: got 'presure', expected one of time, pressure, .*pressure=bar"),

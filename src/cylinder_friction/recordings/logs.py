@@ -174,8 +174,10 @@ class Recipe:
         ``settings`` contains ``channels``; other keys are optional. Recordings are checked against the cylinder's
         stroke and areas.
         """
-        if unknown := sorted(settings.keys() - KEYS):
-            raise RecordingError(f"mapping: key {unknown[0]!r} is not known; expected some of {', '.join(KEYS)}")
+        groups = {"csv": vars(CsvOptions()), "time": vars(TimeRules()), "start": vars(StartRules())}
+        for given, known in ((settings, KEYS), *((settings.get(name, {}), keys) for name, keys in groups.items())):
+            if unknown := sorted(given.keys() - known):
+                raise RecordingError(f"mapping: key {unknown[0]!r} is not known; expected some of {', '.join(known)}")
         channels = {
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
             for column, entry in settings["channels"].items()
