@@ -8,6 +8,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -286,14 +287,11 @@ def _guessed(
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
         if quantity != "time" or stated_rate(unit) is None:
             check_unit(column, unit)
-    for path in paths:
-        try:
-            tables = read_logged_file(path, database=database, rows=ROWS_AT_ONCE)
-            break
-        except RecordingError as error:
-            if path == paths[-1]:
-                raise RecordingError(f"{path}: {error}") from error
     try:
+        for path in paths:
+            with nullcontext() if path == paths[-1] else suppress(RecordingError):
+                tables = read_logged_file(path, database=database, rows=ROWS_AT_ONCE)
+                break
         guess = guess_mapping(tables, path, cylinder, units)
         refuse_unknown(guess, units)
     except RecordingError as error:

@@ -51,11 +51,3 @@ def test_dates_are_time(tmp_path: Path) -> None:
 def test_a_workbook_without_a_table_says_which_sheet_holds_none(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"sheet 'Info': no rows of numbers were found \(lines searched: 1\)"):
         read_logged_file(saved(tmp_path / "log.xlsx", Info=[["Operator", "Zoë"]]))
-
-
-def test_a_cell_far_below_takes_no_memory_for_those_between(tmp_path: Path) -> None:
-    path = saved(tmp_path / "log.xlsx", Data=[["t", "p"], *ROWS])
-    book = openpyxl.load_workbook(path)
-    book.worksheets[0].cell(1_048_576, 2).value = 1.0
-    book.save(path)
-    assert len(read_logged_file(path)[0].channels) == 5

@@ -92,10 +92,9 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
 
 def _fill_slow(signals: dict[str, Signal]) -> list[str]:
     """Fill the oil temperature between its values on the rows of another column; leave it out if it has a long gap."""
-    slow = signals.get(OIL_TEMPERATURE, Signal(np.empty(0), np.empty(0)))
-    beside = [own for own in signals.values() if own.time_s is slow.time_s and own is not slow]
-    rows = np.isfinite(beside[0].values) if beside else np.zeros(len(slow.values), dtype=np.bool_)
-    if not beside or np.isfinite(slow.values[~rows]).any():
+    slow = signals.get(OIL_TEMPERATURE)
+    beside = [own for own in signals.values() if slow and own is not slow and own.time_s is slow.time_s]
+    if not slow or not beside or np.isfinite(slow.values[~(rows := np.isfinite(beside[0].values))]).any():
         return []
     values, filled = slow.values[rows], np.full(len(rows), np.nan)
     known = np.flatnonzero(np.isfinite(values))
