@@ -155,10 +155,11 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
         ({"Sample": np.arange(ROWS), "t [ms]": np.arange(ROWS)}, "", {"channel": "t [ms]", "unit": "ms"}),
         ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "", {"channel": "ElapsedTicks", "unit": "100ns"}),
         ({"ticks": 5 * np.arange(ROWS)}, "", {"channel": "ticks", "unit": "ms"}),
+        ({"Time": TIME / 60.0}, "", {"channel": "Time", "unit": "s or min"}),
+        ({"Time": TIME / 3600.0}, "", {"channel": "Time", "unit": "h or d"}),
         ({"Time": np.round(TIME, 1), "flow": STROKE}, "", {"channel": "Time", "unit": "s"}),
         ({"Sekunden seit Mitternacht": np.arange(ROWS)}, "ms", {"channel": "Sekunden seit Mitternacht", "unit": "ms"}),
         ({"column_1": np.arange(ROWS)}, "ms", {"channel": "NOT FOUND", "unit": "s"}),
-        ({"column_1": np.arange(ROWS)}, "200Hz", {"rate_hz": 200}),
         ({"column_1": np.arange(ROWS)}, "1 kHz", {"rate_hz": 1000}),
     ],
 )

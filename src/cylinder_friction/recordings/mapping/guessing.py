@@ -46,7 +46,10 @@ MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 _ABSOLUTE = re.compile(r"absolut|(?<![^\W_])abs(?![^\W_])", re.IGNORECASE)
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 LIKELY_UNITS = {
-    "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7), ("d", 1e-10, 5e-6)),
+    "time": (
+        ("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7), ("min", 1e-5, 4.9e-4),
+        ("h", 1e-7, 8e-6), ("d", 1e-10, 5e-6),
+    ),
     "pressure": (
         ("bar", 1.0, 700.0), ("Pa", 1e5, 7e7), ("kPa", 100.0, 7e4), ("psi", 15.0, 1e4), ("MPa", 0.1, 70.0),
         ("mbar", 1e3, 7e5),
