@@ -314,7 +314,10 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     lines = _rows_padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
     looked_at = [lines[index] for index in content[-LOOKED_AT:]]
-    tried = [each for each in delimiters if each != "whitespace" or re.search("[ \t]", "".join(looked_at))]
+    # All delimiters that occur in no line give the same grid of one column.
+    characters = set("".join(looked_at))
+    absent = [each for each in delimiters if characters.isdisjoint(" \t" if each == "whitespace" else each)]
+    tried = [each for each in delimiters if each not in absent[1:]]
     grids = [grid for delimiter in tried if (grid := _grid(looked_at, delimiter, decimal)) is not None]
     if not grids:
         raise RecordingError(
