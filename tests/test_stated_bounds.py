@@ -68,6 +68,7 @@ def test_estimate_without_a_model(
     command = ["estimate", str(log), "--cylinder", CYLINDER, *UNITS, "--output", str(tmp_path / "out")]
     main([*command, "--sensor-class", "0.5"])
     assert (
+        "friction half of extending less retracting at equal position\n"
         "bounds   they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if sensors, "
         "load and line losses are as stated and friction is as asymmetric in each session; assumed, not stated: "
         "pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"

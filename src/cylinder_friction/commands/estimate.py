@@ -32,7 +32,8 @@ def run(options: argparse.Namespace) -> int:
         function = partial(estimate_logs, **settings, workers=workers)
         result, notes = run_on_logs(function, options)
     differ = in_words(result.differences)
-    beside = [f"bounds   {result.bounds}", *([f"loss     {result.loss}"] if result.loss else [])]
+    beside = ["friction half of extending less retracting at equal position"] if result.new else []
+    beside += [f"bounds   {result.bounds}", *([f"loss     {result.loss}"] if result.loss else [])]
     beside += [f"differ   {differ}"] if differ else []
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     unusable = any(each.not_known for each in result.recordings if each.name in result.new)
