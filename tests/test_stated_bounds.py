@@ -76,10 +76,15 @@ def test_estimate_without_a_model(
     one = labelled_recordings[0]
     write_log(log, one.with_columns(pressure_1_pa=one.column("pressure_1_pa") + 0.45e5))
     main([*command, "--sensor-class", "0.05"])
+    first = capsys.readouterr().out
+    main([*command, "--sensor-class", "0.05"])
+    again = capsys.readouterr().out
+    assert "1 result of earlier runs kept" in again
+    assert re.findall("^bounds.*", again, re.MULTILINE) == re.findall("^bounds.*", first, re.MULTILINE)
     assert re.search(
         r"in each session; but in 1 session \(first log\): [\d.]+ N does not turn with the direction, while the stated "
         r"zeros and an asymmetry of friction explain [\d.]+ N; a load acts,",
-        capsys.readouterr().out,
+        first,
     )
     assert main([*command, "--sensor-class", "0"]) == 1
     assert "sensor class: got 0, expected a number above 0" in capsys.readouterr().err

@@ -35,7 +35,6 @@ from cylinder_friction.estimation.results import (
     WRITTEN_BY,
     FileFormat,
     FrictionOfLogs,
-    FrictionOfRecording,
     Result,
     packed,
     read_results,
@@ -148,7 +147,7 @@ def estimate_logs(
         offsets = {each.offset.session: each.offset for each in results if each.offset is not None} | run.offsets
         result = FrictionOfLogs(
             into,
-            _bounds_in_words(run, any(each.bounded for each in results), [each.entry for each in results]),
+            _bounds_in_words(run, results, offsets.values()),
             [each.entry for each in results],
             sorted(run.refused, key=lambda each: (each.file, each.piece)),
             [offsets[name] for name in sorted(offsets)],
@@ -265,18 +264,20 @@ def _depends_on(
     return hashes
 
 
-def _bounds_in_words(run: LabelledLogs, bounded: bool, entries: Sequence[FrictionOfRecording]) -> str:
+def _bounds_in_words(run: LabelledLogs, results: Sequence[Result], offsets: Iterable[KnownOffset]) -> str:
     """State what the bounds contain, or why there are none and how stating the sensors' accuracy would help."""
     estimator, assumed = run.friction.estimator, run.logs.assumed
-    if not entries:
+    if not results:
         return "none: no log was usable"
     if estimator is not None:
         return "none: the model was never calibrated" if estimator.bounds is None else estimator.bounds.in_words()
-    if bounded:
-        loaded = sum(each.load_left_n is not None for each in entries)
-        but = f"; not in {counted(loaded, 'recording')} whose friction holds a load" if loaded else ""
-        doubted = [] if loaded else [each for each in run.offsets.values() if each.doubt]
-        if doubted:
+    if any(each.bounded for each in results):
+        loaded = sum(each.entry.load_left_n is not None for each in results)
+        doubted = [each for each in offsets if each.doubt]
+        but = ""
+        if loaded:
+            but = f"; not in {counted(loaded, 'recording')} whose friction holds a load"
+        elif doubted:
             but = f"; but in {counted(len(doubted), 'session')} (first {doubted[0].session}): {doubted[0].doubt}"
         return f"{LABEL_BOUNDS}{but}{assumed and '; '}{assumed}"
     typical = run.logs.with_sensor_class(TYPICAL_CLASS)
