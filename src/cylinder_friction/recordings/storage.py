@@ -37,7 +37,7 @@ def write_recording(
     metadata = json.dumps(recording.metadata.to_dict()).encode()
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
     floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
-    how: dict[str, Any] = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": floats}
+    how: dict[str, Any] = {"compression": "snappy", "use_dictionary": False, "use_byte_stream_split": floats}
     with whole_file(path) as draft, pq.ParquetWriter(draft, table.schema, **how) as writer:
         writer.write_table(table)
         writer.add_key_value_metadata(dict(beside or {}))

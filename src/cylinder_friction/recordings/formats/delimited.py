@@ -45,7 +45,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import KNOWN, unit_in_
 from cylinder_friction.recordings.recording import RecordingError, Start
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
-LOOKED_AT = 100
+LOOKED_AT, _MOST_ABOVE = 40, 100
 _LEAST_SCORE = 0.3
 _FEWEST_LINES, _USUAL_LINES = 20, 500
 _LARGEST_HEAD = 64 * HEAD_SIZE
@@ -167,12 +167,16 @@ class _Rows:
         parsing = pa_csv.ParseOptions(delimiter=delimiter, ignore_empty_lines=width > 1)
         cells = pa_csv.ConvertOptions(
             decimal_point=self.layout.decimal or ".",
-            null_values=MISSING,
+            null_values=[""],
             strings_can_be_null=True,
             include_columns=included,
         )
         try:
-            return pa_csv.read_csv(self._stream(padded), reading, parsing, cells), ""
+            table = pa_csv.read_csv(self._stream(padded), reading, parsing, cells)
+            if any(pa.types.is_string(each.type) for each in table.columns):
+                cells.null_values = MISSING  # they slow down the reading of numbers
+                table = pa_csv.read_csv(self._stream(padded), reading, parsing, cells)
+            return table, ""
         except pa.ArrowInvalid as error:
             scope = self.layout.names[0] == SCOPE_TIME and not padded
             if scope and (ended := self._ended_early()):
@@ -360,11 +364,11 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
     if grid.width == 1:
         fits = not any(sign in lines[0] for sign in "\t;,|")
     else:
-        cells = (split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:LOOKED_AT])
+        cells = (split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:_MOST_ABOVE])
         names = (row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row))
+        widths = (len(row) - (len(row) > grid.width and row[-1].casefold() == "comment") for row in names)
         trailing = not grid.rows[-1][-1]
-        widths = [len(row) - (len(row) > grid.width and row[-1].casefold() == "comment") for row in names]
-        fits = grid.width in widths or grid.width - trailing in widths
+        fits = any(width in (grid.width, grid.width - trailing) for width in widths)
         fits = fits or grid.is_row(split_cells(lines[0].lstrip("#% "), grid.delimiter))
     return grid.score >= _LEAST_SCORE, fits, grid.width > 1, round(grid.score, 2), grid.width
 
