@@ -1,13 +1,17 @@
 """A force that grows with speed far more than friction does is named; what grows of friction itself is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import nnls
-from tests.labelling.test_line_loss import lossy
+from tests.labelling.test_line_loss import lossy, stated
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.apparent_loss import ApparentLoss, loss_of_labels, not_negative
 from cylinder_friction.labelling.label import label
+from cylinder_friction.realtime.trained_for import TrainedFor
+from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.recording import Recording
 
 
@@ -20,13 +24,25 @@ def test_a_loss_is_named_with_its_size(labelled_recordings: list[Recording], cyl
     assert loss.most_n(np.array([loss.speed_m_s]))[0] > 0.95 * true_n
 
 
-def test_the_sentence_asks_and_offers_what_to_state(cylinder: Cylinder) -> None:
+def test_sensors_stated_at_the_ports_leave_viscous_friction(
+    labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
+    raw = [stated(lossy(each), LineLoss(bar=0.0)) for each in labelled_recordings]
+    labelled = label(raw, cylinder)
+    assert loss_of_labels(labelled, cylinder) is None
+    assert "lose" not in TrainedFor.of(labelled, cylinder).in_words()
+    one_side = [replace(each.metadata, line_loss={"pressure_1_pa": LineLoss(bar=0.0)}) for each in raw]
+    raw = [replace(each, metadata=metadata) for each, metadata in zip(raw, one_side, strict=True)]
+    assert loss_of_labels(label(raw, cylinder), cylinder) is not None
+
+
+def test_the_sentence_leaves_open_which_it_is_and_asks(cylinder: Cylinder) -> None:
     words = ApparentLoss(1500.0, 100.0, 400.0, 0.05).sentence(cylinder)
     assert words == (
-        "1600 N of friction at 0.05 m/s grow with speed, as if lines between sensors and cylinder lost 3.4 bar on the "
-        "piston side and 2.2 bar on the rod side; are the sensors at the cylinder's ports? If they are not, state the "
-        "losses (sensor.line_loss in the mapping); until then bounds are wider by what the lines may lose, and Coulomb "
-        "and viscous friction are not known"
+        "1600 N of friction at 0.05 m/s grow with speed: viscous friction of the cylinder, or up to 3.4 bar (piston "
+        "side) and 2.2 bar (rod side) that lines between sensors and cylinder lose; strokes cannot tell which. State "
+        "sensor.line_loss in the mapping, {bar: 0} if the sensors are at the cylinder's ports; until then bounds are "
+        "wider by what lines may lose, and Coulomb and viscous friction are not known"
     )
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from tests.made_recordings import made_recording
 
 from cylinder_friction.cylinder import Cylinder
@@ -47,3 +48,15 @@ def test_a_loss_stated_20_percent_wrong_is_within_the_bounds(cylinder: Cylinder)
     half_n = found.column("friction_uncertainty_n")[found.usable()]
     assert np.mean(error_n <= half_n) > 0.9
     assert np.median(half_n) < 450.0
+
+
+@pytest.mark.parametrize("stated_of_port", [{"bar": 0}, {"bar": 0, "speed_m_s": 0.25}])
+def test_a_sensor_at_the_port_may_be_stated_and_changes_nothing(
+    stated_of_port: dict[str, float], cylinder: Cylinder
+) -> None:
+    raw = stated(made_recording(cylinder, seconds=5.0), LineLoss(**stated_of_port))
+    (found,), (plain,) = (
+        label([replace(raw, metadata=each)], cylinder) for each in (raw.metadata, replace(raw.metadata, line_loss={}))
+    )
+    for name in ("friction_n", "friction_uncertainty_n"):
+        np.testing.assert_array_equal(found.column(name), plain.column(name))

@@ -40,7 +40,7 @@ def sensor(**values: Any) -> SensorScale:
         (sensor, {"accuracy_percent": -0.5}, "accuracy_percent: expected 0 to 100 (of full scale), but got -0.5"),
         (sensor, {"accuracy_percent": 0.5, "zero_uncertainty": -1.0}, "zero_uncertainty: expected zero or a"),
         (sensor, {"zero_uncertainty": 0.1}, "zero_uncertainty needs accuracy_percent"),
-        (LineLoss, {}, "expected positive bar and speed_m_s, or positive length_m, bore_mm and oil_mm2_s"),
+        (LineLoss, {}, "expected positive bar and speed_m_s, or bar 0, or positive length_m, bore_mm and oil_mm2_s"),
         (LineLoss, {"bar": 3.0}, "expected positive bar and speed_m_s"),
         (LineLoss, {"bar": 3.0, "speed_m_s": 0.1, "length_m": 2.0}, "or positive length_m"),
         (LineLoss, {"bar": 3.0, "speed_m_s": 0.1, "uncertainty_percent": 120.0}, "uncertainty_percent: expected 0 to"),

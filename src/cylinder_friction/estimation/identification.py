@@ -17,6 +17,7 @@ from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification_page import identification_page
 from cylinder_friction.estimation.identified_model import (
     CONFIDENCE,
+    DAMPING_RATIO,
     FITS_ALIKE,
     LEAST_SHARE,
     SOFTENED,
@@ -57,7 +58,6 @@ from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
-DAMPING_RATIO = 0.5
 POPULATION, GENERATIONS = 10, 50
 AS_GOOD = 1.05
 """Largest ratio of the plain model's error to the pressure-scaled one's at which the plain model is as good."""
@@ -203,7 +203,7 @@ class ModelSearch:
         lines = {}
         for each in models:
             if each.found is not None:
-                model, velocity_m_s = LuGre(each.pressure_scaled), self.velocities[each.velocity](recording)
+                model, velocity_m_s = LuGre(each.pressure_scaled), self.velocities[each.found.velocity](recording)
                 pressure = _pressure(recording) if each.pressure_scaled else None
                 values, state = each.found.parameters.packed(), model.new_state()
                 lines[each.title] = model.simulate(values, velocity_m_s, recording.sample_time_s, state, pressure)
@@ -266,9 +266,9 @@ class ModelSearch:
         found = replace(found, intervals=intervals)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
         slow = any(not each.slow for each in curves)
-        parameters = determined(model, found, DAMPING_RATIO, zeros, slow=slow, loss=loss)
+        parameters = determined(model, found, zeros, slow=slow, loss=loss)
         names = tuple(recording.name for recording in recordings)
-        return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
+        return IdentifiedModel(model.name, model.title, names, "", parameters, found)
 
 
 def simpler(models: Sequence[IdentifiedModel], simulated: Sequence[tuple[Recording, Mapping[str, Array]]]) -> str:

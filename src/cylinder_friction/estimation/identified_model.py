@@ -89,10 +89,11 @@ BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope
 _AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
 """Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""
+DAMPING_RATIO = 0.5
 _FOLLOWS_FROM = {
     "bristle_damping_n_s_m": (
         "bristle_stiffness_n_m",
-        "not measured: from the stiffness and a damping ratio of {:g}, which is assumed",
+        f"not measured: from the stiffness and a damping ratio of {DAMPING_RATIO:g}, which is assumed",
     ),
     "damping_velocity_m_s": (
         "stribeck_velocity_m_s",
@@ -213,7 +214,6 @@ class IdentifiedModel:
     recordings: tuple[str, ...]  # Names of the recordings that it was identified from
     why_not: str = ""  # Why nothing could be identified
     parameters: tuple[IdentifiedParameter, ...] = ()
-    velocity: str = ""  # How velocity is computed from position
     found: Identification | None = None
 
     @property
@@ -231,7 +231,7 @@ class IdentifiedModel:
             return content | {"why_not": self.why_not}
         return content | {
             "equation": list(self.equation),
-            "velocity": self.velocity,
+            "velocity": self.found.velocity,
             "mean_absolute_error_n": self.found.error_n,
             "error_percent": self.found.error_percent,
             "parameters": {each.name: {k: v for k, v in vars(each).items() if k != "name"} for each in self.parameters},
@@ -268,7 +268,7 @@ class FrictionModels:
 
 
 def determined(
-    model: LuGre, found: Identification, damping_ratio: float, zeros: Zeros, *, slow: bool = True, loss: str = ""
+    model: LuGre, found: Identification, zeros: Zeros, *, slow: bool = True, loss: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
     """List every parameter of the model. A parameter that the motion does not determine has no number.
 
@@ -283,8 +283,7 @@ def determined(
         if spec.relative_to == "pressure" and not model.pressure_scaled:
             continue
         source, note = _FOLLOWS_FROM.get(spec.name, (spec.name, ""))
-        known: tuple[Any, ...] = found.parameters.value(spec.name), found.intervals.get(spec.name)
-        known += (note.format(damping_ratio),)
+        known: tuple[Any, ...] = found.parameters.value(spec.name), found.intervals.get(spec.name), note
         if why := why_not[source]:
             known = None, None, f"follows from {source}, which is not determined" if note else why
         words = spec.meaning if model.pressure_scaled else spec.meaning.replace("at zero gauge", "at the recorded")

@@ -1,4 +1,4 @@
-"""A force that looks like a loss between pressure sensors and the cylinder that nobody stated."""
+"""Friction that grows so much with speed that it may be a loss between pressure sensors and cylinder."""
 
 import math
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class ApparentLoss:
     friction_n: float  # Mean friction without ``square_n`` [N]
     speed_m_s: float  # Highest speed of steady sliding [m/s]
 
-    unknown_viscous = "part of it may be what a line between sensors and cylinder loses; state sensor.line_loss"
+    unknown_viscous = "part of it may be what lines between sensors and cylinder lose; state sensor.line_loss"
 
     @property
     def named(self) -> bool:
@@ -59,23 +59,24 @@ class ApparentLoss:
         growing_n = self.square_n + self.linear_n
         lost_bar = 1e-5 * growing_n / (cylinder.piston_area_m2 * (1.0 + ratio**3))
         return (
-            f"{four_digits(growing_n)} N of friction at {self.speed_m_s:.2g} m/s grow with speed, as if lines between "
-            f"sensors and cylinder lost {lost_bar:.2g} bar on the piston side and {lost_bar * ratio**2:.2g} bar on the "
-            "rod side; are the sensors at the cylinder's ports? If they are not, state the losses "
-            "(sensor.line_loss in the mapping); until then bounds are wider by what the lines may lose, and Coulomb "
-            "and viscous friction are not known"
+            f"{four_digits(growing_n)} N of friction at {self.speed_m_s:.2g} m/s grow with speed: viscous friction of "
+            f"the cylinder, or up to {lost_bar:.2g} bar (piston side) and {lost_bar * ratio**2:.2g} bar (rod side) "
+            "that lines between sensors and cylinder lose; strokes cannot tell which. State sensor.line_loss in the "
+            "mapping, {bar: 0} if the sensors are at the cylinder's ports; until then bounds are wider by what lines "
+            "may lose, and Coulomb and viscous friction are not known"
         )
 
 
 def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
     """Fit the force that looks like a loss in steady sliding, large or small: the median over conditions.
 
-    Returns None without pressures or with too little sliding. In the fit, friction of each condition has Coulomb,
-    Stribeck, viscous and pressure-dependent parts, none of them negative, and each session has an offset.
+    Returns None without pressures, with too little sliding, or if the losses of lines are stated. In the fit, friction
+    of each condition has Coulomb, Stribeck, viscous and pressure-dependent parts, none of them negative, and each
+    session has an offset.
     """
     conditions: dict[str, dict[str, list[SlidingBlocks]]] = {}
     for each in evidence:
-        if set(PRESSURES) <= set(each.sliding.columns):
+        if set(PRESSURES) <= set(each.sliding.columns) and not each.lines_stated:
             conditions.setdefault(each.condition, {}).setdefault(each.session, []).append(each.sliding)
     found = []
     for sessions in conditions.values():

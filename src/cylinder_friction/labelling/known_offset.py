@@ -25,7 +25,7 @@ from cylinder_friction.labelling.sliding_blocks import (
     stated_zero_n,
     zero_uncertainty_n,
 )
-from cylinder_friction.recordings.columns import ALL_CONDITIONS, COVERAGE_FACTOR, LOAD_FORCE
+from cylinder_friction.recordings.columns import ALL_CONDITIONS, COVERAGE_FACTOR, LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.wording import four_digits
 
@@ -57,6 +57,7 @@ class OffsetEvidence:
     # Reason why the force that does not turn with the direction is too large for the stated zeros; else empty
     uneven: str = ""
     condition: str = ""
+    lines_stated: bool = False  # Whether the losses of both lines between sensors and cylinder are stated
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,8 @@ def offset_evidence(
         except RecordingError as error:
             why_not = str(error)
     uneven = "" if why_not else too_uneven(uneven_n, friction_n, sliding.prior_n, plan)
-    return OffsetEvidence(session, stated_n, sliding, why_not, uneven, labelled.metadata.condition)
+    lines_stated = set(PRESSURES) <= labelled.metadata.line_loss.keys()
+    return OffsetEvidence(session, stated_n, sliding, why_not, uneven, labelled.metadata.condition, lines_stated)
 
 
 def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:

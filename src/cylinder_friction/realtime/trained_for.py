@@ -45,7 +45,7 @@ class TrainedFor:
         friction_n = _mean_level_n(recordings)
         diameters, rod_1_m = (cylinder.bore_diameter_m, cylinder.rod_diameter_m), cylinder.rod_diameter_1_m
         lines = next((each.metadata.line_loss for each in recordings if each.metadata.line_loss), {})
-        words = ", ".join(f"{name} {line.in_words()}" for name, line in lines.items())
+        words = ", ".join(f"{name} {line.in_words()}" for name, line in lines.items() if line.bar != 0.0)
         noise_pa = pressure_noise_pa(recordings)
         return cls(*diameters, friction_n, noise_pa, rod_diameter_1_m=rod_1_m, line_loss=words)
 

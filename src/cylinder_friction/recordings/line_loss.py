@@ -18,13 +18,14 @@ class LineLoss:
     """Pressure loss between a sensor at a valve or block and its chamber, stated at one speed or by a hose's size.
 
     A loss stated at one speed grows with the square of speed, except for its laminar part. The loss of a hose without
-    fittings is computed from its dimensions (laminar: Hagen and Poiseuille; turbulent: Blasius).
+    fittings is computed from its dimensions (laminar: Hagen and Poiseuille; turbulent: Blasius). A loss of 0 bar states
+    that the sensor is at the cylinder's port.
 
     Raises:
         ValueError: Neither or both of the two are stated, or a number is out of range.
     """
 
-    bar: float = 0.0  # Loss at ``speed_m_s`` [bar]
+    bar: float | None = None  # Loss at ``speed_m_s`` [bar]
     speed_m_s: float = 0.0  # Speed of the piston [m/s]
     laminar_percent: float = 0.0  # Part of the loss that is proportional to speed [%]
     length_m: float = 0.0  # Length of the hose [m]
@@ -34,12 +35,13 @@ class LineLoss:
     area_m2: float = 0.0  # Area of the piston on this side, for the flow in a hose [m²]; set from the cylinder
 
     def __post_init__(self) -> None:
-        measured, hose = (self.bar, self.speed_m_s), (self.length_m, self.bore_mm, self.oil_mm2_s)
-        stated = [one for one in (measured, hose) if any(one)]
-        if len(stated) != 1 or not all(0.0 < value < math.inf for value in stated[0]):
+        hose = (self.length_m, self.bore_mm, self.oil_mm2_s)
+        both = any(hose) and (self.bar is not None or self.speed_m_s > 0.0)
+        stated = hose if self.bar is None else (self.bar, self.speed_m_s) if self.bar else ()
+        if both or not all(0.0 < value < math.inf for value in stated):
             raise ValueError(
-                "sensor: line_loss: expected positive bar and speed_m_s, or positive length_m, bore_mm and oil_mm2_s, "
-                f"but got { ({name: value for name, value in vars(self).items() if value}) }"
+                "sensor: line_loss: expected positive bar and speed_m_s, or bar 0, or positive length_m, bore_mm and "
+                f"oil_mm2_s, but got { ({name: value for name, value in vars(self).items() if value}) }"
             )
         for name in ("laminar_percent", "uncertainty_percent"):
             if not 0.0 <= getattr(self, name) <= 100.0:
@@ -53,7 +55,7 @@ class LineLoss:
     def in_words(self) -> str:
         """Describe the loss in words."""
         unsure = f"± {self.uncertainty_percent:g} %"
-        if self.bar:
+        if self.bar is not None:
             return f"{self.bar:g} bar at {self.speed_m_s:g} m/s {unsure}"
         return f"{self.length_m:g} m of {self.bore_mm:g} mm bore {unsure}"
 
@@ -62,8 +64,8 @@ class LineLoss:
 
         ``velocity_m_s`` is the velocity of the piston, positive while oil flows towards the chamber.
         """
-        if self.bar:
-            part, laminar = velocity_m_s / self.speed_m_s, self.laminar_percent / 100.0
+        if self.bar is not None:
+            part, laminar = velocity_m_s / (self.speed_m_s or 1.0), self.laminar_percent / 100.0
             return self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part))
         bore_m, viscosity_m2_s = 1e-3 * self.bore_mm, 1e-6 * self.oil_mm2_s
         flow_m_s = velocity_m_s * self.area_m2 / (0.25 * math.pi * bore_m**2)
