@@ -234,10 +234,10 @@ def _written(
 def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence[str]) -> None:
     """Write the summary and the page of all results, unless the existing ones have the same content."""
     page, content = target.folder / PAGE_FILE, result.to_dict()
-    stated = json.loads(json.dumps({name: value for name, value in content.items() if name != "new"}))
-    there = read_json(target.folder / SUMMARY_FILE)
-    if page.is_file() and {name: there.get(name) for name in stated} == stated:
-        return
+    if not result.new and page.is_file():
+        there = read_json(target.folder / SUMMARY_FILE)
+        if there | json.loads(json.dumps(content)) == there | {"new": []}:
+            return
     tables = level_tables(result.differences, result.levels)
     bounds = f"{result.bounds}. {result.loss}" if result.loss else result.bounds
     write_friction_page(page, table_rows(result), result.offsets, bounds, result.guessed, tables)

@@ -37,9 +37,9 @@ OVERRANGE = 0.05
 to the failure limits of NAMUR NE 43."""
 MOST_BAD, FEW_ROWS, LONGEST_BAD = 1e-3, 5, 10
 """Largest share of a signal's rows with one kind of bad sample, number that is always allowed, and most in a row."""
-SPIKE_NOISE, SPIKE_RANGE, SPIKE_STEPS = 12.0, 0.03, 5.0
+SPIKE_NOISE, SPIKE_RANGE, SPIKE_STEPS, SPIKE_JUMP = 12.0, 0.03, 5.0, 0.7
 """Least height of a spike: a multiple of a sample's usual distance from its neighbours, a share of the signal's range,
-and a number of converter steps."""
+and a number of converter steps; least share of this height by which a spike's first sample jumps."""
 PLACES = 4096  # Most samples from which a signal's own scale is estimated
 BESIDE = 5  # Number of samples on either side that a sample is compared with
 MOST_ODD = 3  # Most odd samples among these 11: four in a row are an event, not a spike
@@ -89,7 +89,7 @@ def _bad_samples(values: Array, sensor: SensorLimits | None, low_end: float, hig
 
 def _spikes(values: Array, height: float) -> NDArray[np.int64]:
     """Find the samples of spikes: up to three of eleven lie far from the median, while the others agree."""
-    jumps = np.flatnonzero(np.abs(values[1:] - values[:-1]) > 0.7 * height) + 1
+    jumps = np.flatnonzero(np.abs(values[1:] - values[:-1]) > SPIKE_JUMP * height) + 1
     suspects = (jumps[:, None] + np.arange(MOST_ODD)).ravel()
     suspects = suspects[(suspects >= BESIDE) & (suspects < len(values) - BESIDE)]
     near = suspects[:, None] + np.arange(-BESIDE, BESIDE + 1)
@@ -140,13 +140,13 @@ def _spike_height(values: Array, step: float | None) -> float:
         return math.inf
     stride = max(1, len(values) // PLACES)
     before, here, after = (values[first : len(values) - 2 + first : stride] for first in (0, 1, 2))
+    lowest, highest = np.quantile(here, (0.01, 0.99)).tolist()
+    of_range = SPIKE_RANGE * (highest - lowest)
+    if np.abs(values[1:] - values[:-1]).max() <= SPIKE_JUMP * of_range:  # nothing jumps as far as a spike
+        return math.inf
     up, down = here - before, here - after
     sticks_out = np.maximum(np.maximum(np.minimum(up, down), -np.maximum(up, down)), 0.0)
-    lowest, highest = np.quantile(here, (0.01, 0.99)).tolist()
     finest = step or float(np.where(up != 0.0, np.abs(up), math.inf).min())
-    tallest = max(
-        SPIKE_NOISE * float(np.quantile(sticks_out, 0.95)),
-        SPIKE_RANGE * (highest - lowest),
-        SPIKE_STEPS * finest if math.isfinite(finest) else 0.0,
-    )
+    of_noise = SPIKE_NOISE * float(np.quantile(sticks_out, 0.95))
+    tallest = max(of_range, of_noise, SPIKE_STEPS * finest if math.isfinite(finest) else 0.0)
     return tallest if tallest > 0.0 else math.inf
