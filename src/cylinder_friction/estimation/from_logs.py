@@ -36,6 +36,7 @@ from cylinder_friction.estimation.results import (
     FileFormat,
     FrictionOfLogs,
     Result,
+    kept_summary,
     packed,
     read_results,
     sort_logs,
@@ -45,7 +46,7 @@ from cylinder_friction.estimation.results import (
 )
 from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.result_folder import ResultFolder
-from cylinder_friction.files.whole_files import hash_of, read_json
+from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
@@ -132,11 +133,11 @@ def estimate_logs(
     depends_on = _depends_on(logs, cylinder, given_model, file_format)
     target = ResultFolder(into, SUMMARY_FILE, WRITTEN_BY, read)
     with target.scratch() as scratch:
-        there = read_results(into)
+        before, there = kept_summary(into), read_results(into)
+        listed = frozenset(before.get("files", ()))
         new_logs, kept = sort_logs(logged_files(logs, rows_at_once), into, there, depends_on)
         run = LabelledLogs(logs, new_logs, scratch, given_model, workers)
         labelled = _labelled(run, kept, depends_on)
-        listed = frozenset(target.listed())
         if not listed:
             target.claim()
         new = _write_results(run, labelled, into, file_format, depends_on, listed)
@@ -154,9 +155,9 @@ def estimate_logs(
             tuple(each.entry.name for each in results if each.entry.name in processed),
             depends_on,
             logs.guessed,
-            str(read_json(into / SUMMARY_FILE).get("loss", "")) if not new_logs else run.loss_in_words(),
+            run.loss_in_words() if new_logs else before.get("loss", ""),
         )
-        _write_summary(target, result, [name for each in results for name in each.files])
+        _write_summary(target, before, result, [name for each in results for name in each.files])
     if overlaps := overlaps_in_words((each, each.duration_s) for each in result.recordings):
         warnings.warn(overlaps, stacklevel=2)
     return result
@@ -231,17 +232,17 @@ def _written(
     return result
 
 
-def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence[str]) -> None:
-    """Write the summary and the page of all results, unless the existing ones have the same content."""
-    page, content = target.folder / PAGE_FILE, result.to_dict()
-    if not result.new and page.is_file():
-        there = read_json(target.folder / SUMMARY_FILE)
-        if there | json.loads(json.dumps(content)) == there | {"new": []}:
-            return
+def _write_summary(
+    target: ResultFolder, before: Mapping[str, Any], result: FrictionOfLogs, files: Sequence[str]
+) -> None:
+    """Write the summary and the page of all results, unless those from ``before`` have the same content."""
+    page, found = target.folder / PAGE_FILE, json.loads(json.dumps(result.found()))
+    if page.is_file() and {**before, **found} == {**before, "new": []}:
+        return
     tables = level_tables(result.differences, result.levels)
     bounds = f"{result.bounds}. {result.loss}" if result.loss else result.bounds
     write_friction_page(page, table_rows(result), result.offsets, bounds, result.guessed, tables)
-    target.claim([PAGE_FILE, *files], content)
+    target.claim([PAGE_FILE, *files], result.to_dict())
 
 
 def _depends_on(

@@ -100,10 +100,14 @@ class FrictionOfLogs:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; unknown values are None."""
+        differing = [{**vars(each), "equal": each.equal and vars(each.equal)} for each in self.differences]
+        return self.found() | {"differences": differing}
+
+    def found(self) -> dict[str, Any]:
+        """Return the content without the differences, which follow from it."""
         content = vars(self) | {"folder": self.folder.as_posix(), "refused": [vars(each) for each in self.refused]}
         content["recordings"] = [each.to_dict() for each in self.recordings]
         content["offsets"] = [{name: known_number(own) for name, own in vars(each).items()} for each in self.offsets]
-        content["differences"] = [{**vars(each), "equal": each.equal and vars(each.equal)} for each in self.differences]
         return content
 
 
@@ -276,6 +280,12 @@ def _session(log: LoggedFile) -> str:
         return ""
 
 
+def kept_summary(results: Path) -> dict[str, Any]:
+    """Read the summary of the folder's last run; empty if there is none."""
+    path = results / SUMMARY_FILE
+    return dict(read_json(path)) if path.is_file() else {}
+
+
 def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
     """Read the folder's entries on its recordings, by session; empty if there is no folder.
 
@@ -283,7 +293,7 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
     ``gone``, whether the log was missing in the latest run.
     """
     sessions = defaultdict(list)
-    for each in _summary(results).get("recordings", ()):
+    for each in kept_summary(results).get("recordings", ()):
         sessions[each["session"]].append(each)
     return dict(sessions)
 
@@ -295,7 +305,7 @@ def friction_of(results: Path, name: str) -> Recording:
 
 def made_with_model(results: Path) -> str:
     """Read the SHA-256 of the model that the folder's last run used; empty if it used none."""
-    return str(_summary(results).get("depends_on", {}).get("model", ""))
+    return str(kept_summary(results).get("depends_on", {}).get("model", ""))
 
 
 def restore_summary(results: Path) -> str:
@@ -315,8 +325,3 @@ def restore_summary(results: Path) -> str:
     recordings, last = [each.entry.to_dict() for each in found], found[-1].depends_on if found else {}
     target.claim([name for each in found for name in each.files], {"recordings": recordings, "depends_on": last})
     return problem
-
-
-def _summary(results: Path) -> dict[str, Any]:
-    path = results / SUMMARY_FILE
-    return dict(read_json(path)) if path.is_file() else {}
