@@ -46,14 +46,6 @@ def test_parts_hold_every_row_once(tmp_path: Path, cylinder: Cylinder, suffix: s
     pd.testing.assert_frame_equal(joined(parts), whole.table)
 
 
-@pytest.mark.parametrize(("rows", "count"), [(2 * PART + PART // 3, 2), (2 * PART + PART // 1.6, 3)])
-def test_parts_are_about_equally_long(tmp_path: Path, cylinder: Cylinder, rows: float, count: int) -> None:
-    made_log(int(rows)).to_csv(tmp_path / "log.csv", index=False)
-    lengths = [len(part) for part in parts_of(tmp_path / "log.csv", recipe(cylinder))]
-    assert len(lengths) == count
-    assert max(lengths) < 1.1 * min(lengths)
-
-
 def test_a_stated_rate_runs_on_from_part_to_part(tmp_path: Path, cylinder: Cylinder) -> None:
     made_log(ROWS).drop(columns="t").to_csv(tmp_path / "log.csv", index=False)
     parts = parts_of(tmp_path / "log.csv", recipe(cylinder, channels={"time_s": {"rate_hz": 200.0}}))

@@ -46,6 +46,7 @@ def test_a_name_that_other_systems_cannot_have_is_refused(path: str) -> None:
         (["Date\t2025/04/23", "Time\t10:14:03.1235678"], "2025-04-23T10:14:03.124"),
         (["Messzeit\t0:30", "Datum:\t27.03.2026 00:00:00", "Uhrzeit:\t08:15:00,5"], "2026-03-27T08:15:00.500"),
         (["# Start time: 2026-03-27T10:15:00+01:00"], "2026-03-27T09:15:00.000Z"),
+        (["Start time (UTC): 2026-03-27 10:15:00"], "2026-03-27T10:15:00.000Z"),
         (["Recording start = 2026-03-27 10:15:00 UTC-5"], "2026-03-27T15:15:00.000Z"),
         (["Messbeginn\t27.03.2026"], "2026-03-27"),
         (["Date: 02/03/2026"], None),  # the day or the month first

@@ -52,17 +52,6 @@ def test_files_become_recordings_by_path(logs: Path, cylinder: Cylinder, rig_tab
         assert list(map(repr, read_recordings(given, mapping, cylinder))) == list(map(repr, recordings[:count]))
 
 
-def test_given_names_take_precedence_over_the_pattern_of_the_mapping(logs: Path, cylinder: Cylinder) -> None:
-    mapping = {"channels": CHANNELS, "name_pattern": r"(?P<session>condition\d)"}
-    tabled = read_recordings(logs, mapping, cylinder)
-    assert {(each.metadata.condition, each.metadata.session) for each in tabled} == {
-        ("1", "condition1"),
-        ("1", "condition2"),
-    }
-    first, *_ = read_recordings(logs, mapping, cylinder, names=NAMES)
-    assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
-
-
 def test_files_outside_a_patterns_folders_are_sessions(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     mapping = {"channels": CHANNELS, "name_pattern": r"^(?P<session>(?P<condition>[^_/]+)_[^/]+)/"}
     paths = [Path(shutil.copy(path, tmp_path)) for path in sorted(logs.glob("*.csv"))[:2]]
@@ -74,6 +63,8 @@ def test_files_outside_a_patterns_folders_are_sessions(logs: Path, cylinder: Cyl
     with pytest.warns(UserWarning, match="left out .*does not give condition and session"):
         (kept,) = read_recordings([tmp_path], mapping, cylinder)
     assert (kept.metadata.condition, kept.metadata.session) == ("no-load", "no-load_monday")
+    (kept,) = read_recordings(paths[1], mapping, cylinder, names=NAMES)  # which take precedence
+    assert kept.metadata.session == paths[1].stem.rpartition("_")[0]
 
 
 def test_a_configuration_brings_its_rules_and_names(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
@@ -102,8 +93,8 @@ def test_a_guessed_mapping_is_stated(logs: Path, cylinder: Cylinder) -> None:
 WRONG = {
     "chanel.yaml": {"channels": {"time_s": {"chanel": "t"}}},
     "csv.yaml": {"channels": CHANNELS, "csv": 5},
-    "checks.yaml": {"channels": CHANNELS, "checks": {"stroke": 1}},
     "defaults.yaml": {"channels": CHANNELS, "defaults": 5},
+    "checks.yaml": {"channels": CHANNELS, "checks": {"stroke": 1}},
     "option.yaml": {"channels": CHANNELS, "csv": {"foo": 1}},
     "keys.yaml": {"channels": CHANNELS, "name_table": "names.csv"},
     "empty.yaml": {"source": "here"},
@@ -121,9 +112,10 @@ WRONG = {
         ("counted.csv", None, None, "time_s, .* cannot be guessed: 'row' steps by exactly 1, .*--unit time=200Hz"),
         *[
             ("log.csv", file, None, f"{file}: is no mapping of channels to columns with rules")
-            for file in list(WRONG)[:4]
+            for file in list(WRONG)[:3]
         ],
         ("log.csv", "option.yaml", None, "key 'foo' is not known; expected some of delimiter, decimal"),
+        ("log.csv", "checks.yaml", None, "key 'stroke' is not known; expected some of minimum_duration_s"),
         ("log.csv", "keys.yaml", None, "key 'name_table' is not known; expected some of channels, source"),
         ("log.csv", "empty.yaml", None, "expected a key 'channels' with one entry per column, but got source"),
         ("log.csv", None, {"presure": "bar"}, "units: got 'presure', expected one of time, pressure, .*pressure=bar"),

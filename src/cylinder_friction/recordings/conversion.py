@@ -36,7 +36,7 @@ from cylinder_friction.recordings.recording import (
     RecordingMetadata,
     SensorUncertainty,
 )
-from cylinder_friction.recordings.timeline.aligning import SHORT, align
+from cylinder_friction.recordings.timeline.aligning import RowsLeftOut, align
 
 RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
 """Largest difference of samples that count as equal, because units or formats differ [m, N]; pressures: 1e-3 Pa."""
@@ -219,8 +219,9 @@ def pieces_of_tables(
         yield from (
             (each, f"piece {n} of {len(pieces)}" if len(pieces) > 1 else "") for n, each in enumerate(pieces, 1)
         )
-        left = [note for note in pieces[0].metadata.repairs if note.startswith(SHORT)]
-        yield from ((RecordingError(f"{note}; if the rate changed, cut the file there"), "rest") for note in left)
+        for note in pieces[0].metadata.repairs:
+            if isinstance(note, RowsLeftOut):
+                yield RecordingError(f"{note}; if the rate changed, cut the file there"), "rest"
         return
     number, rows, last, rules = 0, 0, "", recipe.time
     width, restarted = max(2, len(str(tables[0].parts))), False

@@ -8,8 +8,9 @@ import os
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 from unicodedata import category
@@ -20,7 +21,7 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.result_folder import existing
 from cylinder_friction.files.whole_files import read_yaml
-from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode, StatedLoad
+from cylinder_friction.recordings.checks.limits import CheckLimits, CheckRules, LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
 from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
@@ -175,8 +176,8 @@ class Recipe:
         ``settings`` contains ``channels``; other keys are optional. Recordings are checked against the cylinder's
         stroke and areas.
         """
-        groups = {"csv": vars(CsvOptions()), "time": vars(TimeRules()), "start": vars(StartRules())}
-        for given, known in ((settings, KEYS), *((settings.get(name, {}), keys) for name, keys in groups.items())):
+        groups = {"csv": CsvOptions(), "time": TimeRules(), "start": StartRules(), "checks": CheckRules()}
+        for given, known in ((settings, KEYS), *((settings.get(name, {}), vars(own)) for name, own in groups.items())):
             if unknown := sorted(given.keys() - known):
                 raise RecordingError(f"mapping: key {unknown[0]!r} is not known; expected some of {', '.join(known)}")
         channels = {
@@ -287,11 +288,15 @@ def _guessed(
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
         if quantity != "time" or stated_rate(unit) is None:
             check_unit(column, unit)
+    read = partial(read_logged_file, database=database, rows=ROWS_AT_ONCE)
     try:
-        for path in paths:
-            with nullcontext() if path == paths[-1] else suppress(RecordingError):
-                tables = read_logged_file(path, database=database, rows=ROWS_AT_ONCE)
+        for path in paths[:-1]:
+            with suppress(RecordingError):
+                tables = read(path)
                 break
+        else:
+            path = paths[-1]
+            tables = read(path)
         guess = guess_mapping(tables, path, cylinder, units)
         refuse_unknown(guess, units)
     except RecordingError as error:

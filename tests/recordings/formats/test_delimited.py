@@ -7,6 +7,9 @@ import pytest
 
 from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.guessing import guess_mapping
+from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.recording import RecordingError
 
 
@@ -68,6 +71,7 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
         ("t/s,v/mm/s,p in N/mm²", {"t/s": "s", "v/mm/s": "mm/s", "p in N/mm²": "N/mm²"}),
         ("t,P1 (rod side),x\ns,bar,mm", {"t": "s", "P1 (rod side)": "bar", "x": "mm"}),
         ("t,P1,x\n[s],[bar],", {"t": "s", "P1": "bar"}),
+        ("TIMESTAMP,P1,x\nTS,bar,Deg C\n,Smp,Avg", {"P1": "bar", "x": "Deg C"}),  # of Campbell Scientific
         ("t,P1,x\n(s),(bar),(°C)\nclock,piston,oil", {"t": "s", "P1": "bar", "x": "°C"}),
         ("t,P1,x", {}),
         *[(f"t,P1,x\n{form},bar,mm", {"P1": "bar", "x": "mm"}) for form in DATE_FORMS],
@@ -165,6 +169,19 @@ def test_a_wide_file_is_recognised_beyond_its_first_bytes(read) -> None:  # type
     table = read(",".join(names) + "\n" + rows + "\n", wanted=[names[2999]])
     assert table.channels.iloc[:, 0].tolist() == [2999, 3000, 3001]
     assert len(table.unread) == 2999
+
+
+@pytest.mark.parametrize("key", ["Delta_X", "HResolution"])
+def test_a_sample_time_in_the_header_is_the_rate_of_the_rows(read, key: str) -> None:  # type: ignore[no-untyped-def]
+    rows = "Y_Unit_Label\tbar\tbar\tmm\nX_Value\tP1\tP2\tPosition\tComment\n" + "\t10.5\t20.5\t3.5\n" * 30
+    table = read(f"{key}\t0,005\t0.005\t0.005\n{rows}")
+    guessed = guess_mapping([table], Path("log.lvm")).columns
+    assert guessed["time_s"].entry == {"rate_hz": 200.0}
+    mapping = {name: ChannelMapping.from_dict(each.entry) for name, each in guessed.items()}
+    assert map_signals([table], mapping).signals["position_m"].time_s[-1] == pytest.approx(0.145)
+    with pytest.raises(RecordingError, match=r"header states 200 Hz, but time_s.rate_hz = 100 Hz; expected the same"):
+        map_signals([table], mapping | {"time_s": ChannelMapping(rate_hz=100.0)})
+    assert read(f"{key}\t0.005\t0.005\t0.010\n{rows}").rate_hz is None
 
 
 def test_names_above_units_of_which_some_are_none(read) -> None:  # type: ignore[no-untyped-def]

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.recording import RecordingError
 
 T = np.arange(6.0)
 
@@ -52,11 +51,3 @@ def test_a_stated_rate_makes_a_time_channel(tmp_path: Path, key: str, value: flo
     assert list(table.channels.columns) == ["time", "bench/P1"]
     np.testing.assert_allclose(table.channels["time"], T * 0.005, rtol=1e-7)
     assert table.units == {"time": "s"}
-
-
-def test_a_dataset_larger_than_its_file_could_hold_is_damaged(tmp_path: Path) -> None:
-    path = tmp_path / "log.h5"
-    with h5py.File(path, "w") as file:
-        file.create_dataset("P1", shape=(10**12,), dtype="f8", chunks=(1024,))
-    with pytest.raises(RecordingError, match="cannot be read as an HDF5 file "):
-        read_logged_file(path)

@@ -156,7 +156,7 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
         ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "", {"channel": "ElapsedTicks", "unit": "100ns"}),
         ({"ticks": 5 * np.arange(ROWS)}, "", {"channel": "ticks", "unit": "ms"}),
         ({"Time": TIME / 60.0}, "", {"channel": "Time", "unit": "s or min"}),
-        ({"Time": TIME / 3600.0}, "", {"channel": "Time", "unit": "h or d"}),
+        ({"Time": TIME / 3600.0}, "", {"channel": "Time", "unit": "d or h"}),
         ({"Time": np.round(TIME, 1), "flow": STROKE}, "", {"channel": "Time", "unit": "s"}),
         ({"Sekunden seit Mitternacht": np.arange(ROWS)}, "ms", {"channel": "Sekunden seit Mitternacht", "unit": "ms"}),
         ({"column_1": np.arange(ROWS)}, "ms", {"channel": "NOT FOUND", "unit": "s"}),
@@ -194,6 +194,15 @@ def test_a_table_is_named_where_a_channel_is_in_several() -> None:
     assert found["time_s"] == {"channel": "Name", "unit": "s"}
     assert found["pressure_1_pa"] == {"channel": "p1", "unit": "bar or psi or MPa", "table": "group 1"}
     assert found["position_m"] == {"channel": "x", "unit": "mm or cm"}
+
+
+def test_of_two_clocks_a_channel_has_the_one_that_ends_with_it() -> None:
+    slow = {
+        "Time 2 [s]": np.where(TIME < 1.0, 200.0 * TIME, np.nan),
+        "Oil temp [°C]": np.where(TIME < 1.0, 40.0, np.nan),
+    }
+    found = channels_of(text_of(slow | {"Time 1 [s]": TIME} | MEASURED))
+    assert (found["time_s"]["channel"], found["oil_temperature_c"]["time"]) == ("Time 1 [s]", "Time 2 [s]")
 
 
 def test_the_pattern_of_names_finds_condition_and_session() -> None:

@@ -47,7 +47,10 @@ OTHER_NAMES = {"time_s": ChannelMapping("t", "ms", alternatives=("time", "Name")
         *[(logged(units={"a": no_unit}), {}, [1e5, 2e5]) for no_unit in ("A", "rod", "-", "")],  # port A, a side
         (logged(units=AGREEING), {"time_s": ChannelMapping("t")}, [1e5, 2e5]),  # its unit stands in the file
         (logged(units={"a": "counts"}), {"pressure_1_pa": COUNTS}, [1e5, 2e5]),
-        (logged(units={"a": "bara"}), {"pressure_1_pa": ChannelMapping("a", "bara")}, [1e5 - 101325.0, 2e5 - 101325.0]),
+        *[
+            (logged(units={"a": unit}), {"pressure_1_pa": ChannelMapping("a", unit)}, [1e5 - 101325.0, 2e5 - 101325.0])
+            for unit in ("bara", "bar absolute", "absolute bar", "[abs. bar]")
+        ],
         (logged(), OTHER_NAMES, [1e5, 2e5]),
         (RENAMED_TIME, OTHER_NAMES, [1e5, 2e5]),
     ],
@@ -107,6 +110,8 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
     with pytest.raises(RecordingError, match=re.escape(words)):
         map_signals(tables, MAPPING)
     map_signals([replace(tables[0], master="t")], MAPPING)  # as the file itself states
+    ended = tables[0].channels["t10 [ms]"].where(ROWS < 20)  # it stamps a slower channel, which is not mapped
+    map_signals([replace(tables[0], channels=tables[0].channels.assign(**{"t10 [ms]": ended}))], MAPPING)
     mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]")}
     assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == 0.39
     in_seconds = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]", time_unit="s")}

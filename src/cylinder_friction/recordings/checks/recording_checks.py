@@ -244,16 +244,17 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
     bent = np.flatnonzero(bend_m > max(NOISE * usual_m, STROKES * stroke_m)) + 1
     groups = np.split(bent, np.flatnonzero(np.diff(bent) * step_s > TOGETHER_S) + 1) if len(bent) else []
     found = [(int(each[0]), *_described(position_m, time_s, int(each[0]), int(each[-1]), stroke_m)) for each in groups]
-    outcomes: tuple[tuple[Outcome, str], ...] = (
-        ("refused", "check the sensor and its cable, and cut the log there"),
-        ("noted", "velocity and friction are wrong there"),
-    )
-    for outcome, advice in outcomes:
-        alike = [(row, words) for row, words, own in found if words and own == outcome]
-        if alike:
-            more = f" (first of {len(alike)} such faults)" if len(alike) > 1 else ""
-            text = f"position_m {alike[0][1]}, in row {alike[0][0] + 1}{more}; {advice}"
-            return [Finding("position_steps", outcome, text)]
+    advice = {
+        "refused": "check the sensor and its cable, and cut the log there",
+        "noted": "velocity and friction are wrong there",
+    }
+    faults = sorted((each for each in found if each[1]), key=lambda each: each[2] != "refused")
+    if faults:
+        row, words, outcome = faults[0]
+        alike = [each for each in faults if each[2] == outcome]
+        more = f" (first of {len(alike)} such faults)" if len(alike) > 1 else ""
+        text = f"position_m {words}, in row {row + 1}{more}; {advice[outcome]}"
+        return [Finding("position_steps", outcome, text)]
     if found:
         text = (
             f"position_m has {len(found)} single samples that no piston can follow (first: row {found[0][0] + 1}, at "

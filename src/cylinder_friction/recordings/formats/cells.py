@@ -21,46 +21,44 @@ from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.recording import Start
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
-MISSING = (
-    "", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "Null", "None", "-", "--", "---",
-    "#N/A", "#NV", "nan(ind)", "-nan(ind)", "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN", "EOF",
-)  # fmt: skip
-"""Cells of a missing sample. C libraries on Windows print NaN as ``1.#IND`` and the like. ``EOF`` is written below a
-column that ends before others."""
-
-OVER_RANGE = (
-    "∞", "+∞", "-∞", "OL", "+OL", "-OL", "OVER", "+OVER", "-OVER", "Over", "OVERLOAD", "Overload", "overload",
-    "OVERFLOW", "Overflow", "OVERRANGE", "Overrange", "+++++", "++++++", "-----", "------", "*****", "******",
-)  # fmt: skip
-"""Cells of a value beyond the range of the logger's input."""
+_NO_SAMPLE = "nan NaN NAN -nan -NaN NA N/A n/a null NULL Null None - -- --- #N/A #NV EOF"
+_NAN_OF_WINDOWS = "nan(ind) -nan(ind) 1.#IND -1.#IND 1.#QNAN -1.#QNAN"
+MISSING = ("", *_NO_SAMPLE.split(), *_NAN_OF_WINDOWS.split())
+"""Cells of a missing sample. ``EOF`` is written below a column that ends before others."""
+OVER_RANGE = r"[+-]?(?:∞|ol|over(?:load|flow|range)?)|[+]{5,6}|-{5,6}|[*]{5,6}"
+"""Cells of a value beyond the range of the logger's input, in upper or lower case."""
 
 POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
 
-_MISSING_OR_OVER = frozenset((*MISSING, *OVER_RANGE))
+_MISSING, _OVER_RANGE = frozenset(MISSING), re.compile(OVER_RANGE, re.IGNORECASE)
 _FORMS = {".": POINT_NUMBER, ",": COMMA_NUMBER, None: f"{POINT_NUMBER}|{COMMA_NUMBER}"}
 _NUMBERS = {sign: re.compile(rf"{form}|[+-]?inf(?:inity)?", re.IGNORECASE) for sign, form in _FORMS.items()}
 DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
 TIME_OF_DAY = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?"
 ZONE = r"(?:Z|[+-]\d{2}:?\d{2}|(?:UTC|GMT)(?:[+-]\d{1,2}(?::?\d{2})?)?)"
 CLOCK = f"{TIME_OF_DAY}(?: ?{ZONE})?"
-_DATE_OR_CLOCK = re.compile(rf"{DATE}(?:[T ,]+{CLOCK})?|{CLOCK}|\d{{8}}T\d{{6}}(?:[.,]\d{{1,9}})?Z?")
+_CELL_DATE = rf"(?:{DATE}|\d{{1,2}}[-/.]\d{{1,2}}[-/.]\d{{2}})"
+_DATE_OR_CLOCK = re.compile(
+    rf"'?{_CELL_DATE}(?:[T ,]+{TIME_OF_DAY}(?: ?(?:{ZONE}|[A-Z]{{2,5}}))?)?|{CLOCK}|\d{{8}}T\d{{6}}(?:[.,]\d{{1,9}})?Z?"
+)
 _CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:;](?P<f>\d{1,9}))?)?\s*(?P<half>[AaPp][Mm])?"
 _TIME_OF_DAY = f"^{_CLOCK_PARTS}$"
 _MINUTES = r"^(?P<M>\d{1,2}):(?P<S>\d{2})[.,](?P<f>\d{1,9})$"  # as Excel shows a time of day: mm:ss.0
 _WITH_UNIT = r"^(?P<number>[+-]?[\d.,eE+-]*\d)\s*(?P<unit>[^\d\s.,:;+-][^\d\s:]*)$"
-_REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>{ZONE})?$"
+_REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>{ZONE}|[A-Z]{{2,5}})?$"
 _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
 _BASIC = r"^(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})T(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d+))?(?P<zone>Z?)$"
 _DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
 _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
+_SHORT_YEAR = r"^'?(?P<d>\d{1,2})[-/.](?P<m>\d{1,2})[-/.](?P<Y>\d{2})" + _REST
 _NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4}|\d{2})" + _REST
 _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
 
 
 def is_missing(cell: str) -> bool:
-    return cell in _MISSING_OR_OVER
+    return cell in _MISSING or _OVER_RANGE.fullmatch(cell) is not None
 
 
 def is_number(cell: str, decimal: str | None) -> bool:
@@ -83,7 +81,7 @@ class CellValues(NamedTuple):
     note: str = ""  # Which cells were read as missing
 
 
-def column_values(column: Any, decimal: str, name: str) -> CellValues:
+def column_values(column: Any, decimal: str | None, name: str) -> CellValues:
     """Read an Arrow column; a null becomes NaN or NaT, a date ``datetime64[ns]`` (in UTC if it has a time zone)."""
     kind, types = column.type, pa.types
     if types.is_null(kind):
@@ -105,7 +103,7 @@ def column_values(column: Any, decimal: str, name: str) -> CellValues:
     return CellValues(np.asarray(column.to_numpy()), utc=utc)
 
 
-def _text_values(column: Any, decimal: str, name: str) -> CellValues:
+def _text_values(column: Any, decimal: str | None, name: str) -> CellValues:
     """Read a text column as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else keep the text.
 
     If the decimal sign is a comma, a cell with a point stays text, because the point may separate thousands. Cells that
@@ -113,12 +111,14 @@ def _text_values(column: Any, decimal: str, name: str) -> CellValues:
     """
     text = pc.utf8_trim_whitespace(column.cast(pa.string()))
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
-    form = f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$"
     if text.null_count == len(text):
         return CellValues(np.full(len(text), np.nan))
+    if decimal is None:
+        decimal = "," if pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py() else "."
+    form = f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$"
     number, note = pc.match_substring_regex(text, form), ""
     if pc.any(number).as_py():
-        over = pc.fill_null(pc.is_in(text, pa.array(OVER_RANGE)), False)
+        over = pc.fill_null(pc.match_substring_regex(text, f"^(?:{OVER_RANGE})$", ignore_case=True), False)
         if count := pc.sum(over).as_py():
             cells = f"{count} cell{'' if count == 1 else 's'} of {name!r} with {text.filter(over)[0].as_py()!r}"
             note = f"{cells}, beyond the range of the input, taken as missing"
@@ -147,41 +147,47 @@ def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
     return mixed
 
 
-def holds_decimal_commas(column: Any) -> bool:
-    """Check whether a column is text, and every cell a number with a decimal comma."""
-    if not pa.types.is_string(column.type):
-        return False
-    return bool(pc.all(pc.match_substring_regex(pc.utf8_trim_whitespace(column), f"^(?:{COMMA_NUMBER})$")).as_py())
-
-
 def stamps_of(text: Any, name: str) -> CellValues | None:
     """Convert dates to ``datetime64[ns]``, and times of day or minutes and seconds (15:00.1) to seconds.
 
     A null becomes NaT or NaN. None for cells of any other form. In dates with dots the day comes first. In dates with
     slashes, the first row that can only be read one way decides for the column. Stamps with a time zone are converted
-    to UTC.
+    to UTC; letters such as CET name no zone for certain.
     """
-    for pattern in (_TIME_OF_DAY, _MINUTES, _YEAR_FIRST, _BASIC, _DOTS, _EITHER, _NAMED_MONTH):
+    for pattern in (_TIME_OF_DAY, _MINUTES, _YEAR_FIRST, _BASIC, _DOTS, _EITHER, _SHORT_YEAR, _NAMED_MONTH):
         if (found := _fields(text, pattern)) is None:
             continue
         fields = {"Y": "1970", "m": "1", "d": "1", "H": "0", "half": "", "zone": "", **found}
-        note = ""
-        if pattern == _EITHER and (month_first := _month_first(fields)) is None:
-            note = f"time: the dates of {name!r} may have the day or the month first; they, and the start, are left out"
-            fields |= {"Y": "1970", "m": "1", "d": "1", "zone": ""}
-        elif pattern == _EITHER and month_first:
-            fields["d"], fields["m"] = fields["m"], fields["d"]
+        note, first = "", "year" if pattern == _SHORT_YEAR else ""
+        if pattern == _EITHER:
+            month_first = _month_first(fields)
+            first = "month" if month_first is None else ""
+            fields["d"], fields["m"] = (fields["m"], fields["d"]) if month_first else (fields["d"], fields["m"])
         elif pattern == _NAMED_MONTH:
             fields["Y"] = pc.replace_substring_regex(fields["Y"], "^(..)$", r"20\1")
             fields["m"] = pc.add(pc.index_in(pc.utf8_lower(fields["m"]), _MONTHS), 1).cast(pa.string())
+        if first:
+            note = (
+                f"time: the dates of {name!r} may have the day or the {first} first; they, and the start, are left out"
+            )
+            fields |= {"Y": "1970", "m": "1", "d": "1", "zone": ""}
+        zones = set(pc.unique(found["zone"]).drop_null().to_pylist()) if "zone" in found else set()
+        if letters := [zone for zone in zones if zone and not re.fullmatch(ZONE, zone)]:
+            if len(zones) > 1:
+                return None
+            note = (
+                note
+                or f"time: {letters[0]} in {name!r} names no time zone for certain; state start.zone in the mapping"
+            )
+            fields["zone"] = ""
         stamps = _instants(fields)
         if stamps is None:
             return None
-        if "Y" not in found or note:
+        if "Y" not in found or first:
             seconds = stamps.cast(pa.int64()).to_numpy() / 1e9
             return CellValues(seconds, "s", HOUR_S if pattern == _MINUTES else DAY_S, note=note)
         zoned = bool(pc.all(pc.not_equal(fields["zone"], "")).as_py())
-        return CellValues(stamps.cast(pa.timestamp("ns")).to_numpy(), utc=zoned)
+        return CellValues(stamps.cast(pa.timestamp("ns")).to_numpy(), utc=zoned, note=note)
     return None
 
 
@@ -247,8 +253,10 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
         if cells[0].strip().casefold() == "starttime of export" and len(cells) > 1 and cells[1].strip().isdecimal():
             return Start(FILETIME.stamps(np.array([int(cells[1])]))[0], True, "FILETIME of the header")
         found = _LINE.match(line.rstrip())
-        if found and _KEY.fullmatch(key := re.sub(r"[\W_]", "", found[1]).casefold()):
-            stated.append((key, re.sub("[()]", "", found[2]), f"header line {line.strip()[:60]!r}"))
+        name, _, zone = found[1].partition("(") if found else ("", "", "")  # Start time (UTC)
+        if found and _KEY.fullmatch(key := re.sub(r"[\W_]", "", name).casefold()):
+            utc = " UTC" if zone.upper().startswith(("UTC", "GMT")) else ""
+            stated.append((key, re.sub("[()]", "", found[2]) + utc, f"header line {line.strip()[:60]!r}"))
     dated = next(((date[0], *each) for each in stated if (date := _DATE.search(each[1]))), None)
     if dated is None:
         return None
@@ -359,8 +367,11 @@ class Columns(NamedTuple):
     clocks: dict[str, int]  # Periods of times of day [s], by name
 
 
-def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collection[str] | None) -> Columns:
-    """Read named Arrow columns; join date and time of day, or either with parts of a second."""
+def columns_of(named: Iterable[tuple[str, Any]], decimal: str | None, wanted: Collection[str] | None) -> Columns:
+    """Read named Arrow columns; join date and time of day, or either with parts of a second.
+
+    If the decimal sign is not known, None, a text column that consists of numbers with decimal commas has commas.
+    """
     read = [(name, column_values(column, decimal, name)) for name, column in named]
     clocks = {name: cells.clock_s for name, cells in read if cells.clock_s}
     units = {name: cells.unit for name, cells in read if cells.unit}

@@ -11,7 +11,6 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pa_csv
@@ -19,7 +18,6 @@ import pyarrow.csv as pa_csv
 from cylinder_friction.recordings.formats.cells import (
     MISSING,
     columns_of,
-    holds_decimal_commas,
     is_missing,
     is_number,
     is_value,
@@ -49,19 +47,14 @@ LOOKED_AT, _MOST_ABOVE = 40, 100
 _LEAST_SCORE = 0.3
 _FEWEST_LINES, _USUAL_LINES = 20, 500
 _LARGEST_HEAD = 64 * HEAD_SIZE
-LARGEST_STEP = 4.0
-"""Largest change of a value to the next row, as a multiple of its largest change in the rows before."""
 _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 _DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
 """Date formats in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
 
 _UNIT_WORD = re.compile("unit|einheit", re.IGNORECASE)
 """In the first cell of a line of units, such as 'Unit', 'Vertical Units', 'Y_Unit_Label'."""
+STEP_KEYS = ("delta_x", "hresolution")  # Words before a sample time [s], in lower case
 SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
-_SCOPE_KEY = re.compile(
-    r"symbol(comment|based|name)|data-type|sampletime\[ms\]|variablesize|index(group|offset)|netid|port|bitmask|"
-    r"(unit )?(offset|scalefactor)|unit|(start|end)time"
-)
 
 
 def read_delimited(
@@ -76,7 +69,8 @@ def read_delimited(
     lines, layout = _first_lines(text, csv)
     above, below = lines[: layout.first_row], lines[layout.first_row :]
     begin = text.start + sum(map(len, above))
-    start = start_in_header([line.decode() for line in above], layout.delimiter)
+    header = [line.decode() for line in above]
+    start, rate_hz = start_in_header(header, layout.delimiter), rate_in_header(header, layout.delimiter)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
     parts, repeated = 1 if rows is None else max(1, round(size / row_size / rows)), repeated_names(layout.names)
     if parts > 1 and repeated and source.size > MOST_INDIVISIBLE:
@@ -93,7 +87,18 @@ def read_delimited(
     first, *others = whole.tables(wanted)
     dated = [str(name) for name, values in first.channels.items() if values.dtype.kind == "M"]
     more = (lambda: (replace(part, dated=dated).tables(wanted)[0] for part in later)) if later else None
-    return [replace(first, notes=(*text.notes, *first.notes), more=more, parts=parts), *others]
+    first = replace(first, notes=(*text.notes, *first.notes), more=more, parts=parts)
+    return [replace(each, rate_hz=rate_hz) for each in (first, *others)]
+
+
+def rate_in_header(lines: list[str], delimiter: str) -> float | None:
+    """Read the rate [Hz] that LabVIEW or a Yokogawa recorder states above the rows as the sample time of all channels.
+
+    None without one, or if channels differ.
+    """
+    stated = [cells for line in lines if (cells := split_cells(line, delimiter))[0].casefold() in STEP_KEYS]
+    steps_s = {float(cell.replace(",", ".")) for cells in stated for cell in cells[1:] if is_number(cell, None)}
+    return 1.0 / steps_s.pop() if len(steps_s) == 1 and min(steps_s) > 0.0 else None
 
 
 def _line_end(text: Text, place: int) -> int:
@@ -142,24 +147,20 @@ class _Rows:
         if not read:
             return [LoggedTable(pd.DataFrame(), units, unread=tuple(filter(None, names)))]
         loaded = [index for index, name in enumerate(names) if name in read | repeated]
-        table, ended = self._parsed(loaded, padded=bool(repeated))
-        floats = any(pa.types.is_floating(column.type) for column in table.columns)
-        # If the first lines have whole numbers, the decimal sign occurs only further down.
-        commas = not floats and any(map(holds_decimal_commas, table.columns))
-        decimal = self.layout.decimal or ("," if commas else ".")
+        table = self._parsed(loaded, padded=bool(repeated) or names[0] == SCOPE_TIME)
         named = [(names[index], column) for index, column in zip(loaded, table.columns, strict=True)]
-        found = on_its_day(columns_of(named, decimal, wanted), self.start, self.dated)
+        found = on_its_day(columns_of(named, self.layout.decimal, wanted), self.start, self.dated)
         columns = [
             (name or f"column_{len(names)}", each) for name, each in found.columns if name or not pd.isna(each).all()
         ]
         first, *others = split_groups(columns, {**units, **found.units}, repeated)
         kept = {"", *first.channels, *(names if wanted is None else wanted)}
         unread = tuple(name for name in names if name not in kept)
-        first = replace(first, unread=unread, notes=(*found.notes, *filter(None, [ended])))
+        first = replace(first, unread=unread, notes=tuple(found.notes))
         return [replace(each, start=self.start, utc=found.utc) for each in (first, *others)]
 
-    def _parsed(self, loaded: list[int], padded: bool) -> tuple[Any, str]:
-        """Parse the columns with these numbers. Return a ``pyarrow.Table``, and a sentence if channels end early."""
+    def _parsed(self, loaded: list[int], padded: bool) -> Any:
+        """Parse the columns with these numbers as a ``pyarrow.Table``."""
         width = len(self.layout.names)
         delimiter = "\t" if self.layout.delimiter == "whitespace" else self.layout.delimiter
         names, included = [str(index) for index in range(width)], [str(index) for index in loaded]
@@ -176,11 +177,8 @@ class _Rows:
             if any(pa.types.is_string(each.type) for each in table.columns):
                 cells.null_values = MISSING  # they slow down the reading of numbers
                 table = pa_csv.read_csv(self._stream(padded), reading, parsing, cells)
-            return table, ""
+            return table
         except pa.ArrowInvalid as error:
-            scope = self.layout.names[0] == SCOPE_TIME and not padded
-            if scope and (ended := self._ended_early()):
-                return self._parsed(loaded, padded=True)[0], ended
             self._refuse_ragged_line()
             raise RecordingError(f"cannot be read as a text table: {error}") from None
 
@@ -188,35 +186,11 @@ class _Rows:
         length = self.end - self.begin
         if self.layout.delimiter != "whitespace":
             return pa.BufferReader(self._whole_rows()) if padded else self.text.file.get_stream(self.begin, length)
-        content = re.sub(rb"[ \t]+", b"\t", self.text.file.read_at(length, self.begin))
-        for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
-            content = content.replace(outside, end)
-        return pa.BufferReader(content.strip(b"\t"))
-
-    def _ended_early(self) -> str:
-        """State that channels ended early, if the last rows are shorter, as a scope writes them; empty otherwise.
-
-        The first short row must continue the row before, because its cells could belong to other channels.
-        """
-        names, rows = self.layout.names, [split_cells(line, self.layout.delimiter) for _, line in self._lines()]
-        widths = [len(row) for row in rows]
-        whole = widths.count(len(names))
-        if widths != sorted(widths, reverse=True) or not _FEWEST_LINES <= whole < len(rows):
-            return ""
-        try:
-            ends = [np.array(row[: widths[whole]], dtype=np.float64) for row in rows[whole - _FEWEST_LINES :]]
-        except ValueError:
-            return ""
-        steps = np.abs(np.diff(ends[: _FEWEST_LINES + 1], axis=0))
-        if (steps[-1] > LARGEST_STEP * steps[:-1].max(axis=0) + 1e-6 * np.abs(ends[_FEWEST_LINES - 1])).any():
-            return ""
-        return (
-            f"the last {len(rows) - whole} rows hold {widths[-1]} of {len(names)} values: {names[widths[-1]]!r} and "
-            "the channels behind it end before the others"
-        )
+        lines = self.text.file.read_at(length, self.begin).splitlines()
+        return pa.BufferReader(b"\n".join(b"\t".join(line.split()) for line in lines))
 
     def _whole_rows(self) -> bytes:
-        """Pad every row to the number of names, because a group may end before the others."""
+        """Pad every row to the number of names, because a channel of a scope may end before the others."""
         lines, delimiter = [line for _, line in self._lines()], self.layout.delimiter
         widths = [line.count(delimiter) for line in lines]
         if widths != sorted(widths, reverse=True):
@@ -413,7 +387,7 @@ def _units_in_line(cells: list[str]) -> list[str] | None:
     units, others = [], 0
     for cell in cells:
         text = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
-        known = text.casefold() in KNOWN
+        known = text.casefold().replace("deg ", "deg") in KNOWN
         ignored = not text or (not known and (_UNIT_WORD.search(text) or _DATE_PATTERN.match(text)))
         units.append("" if ignored or not (known or text != cell) else text)
         others += not ignored and not units[-1]
@@ -461,25 +435,21 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
     return names, of_names | {name: unit for name, unit in zip(names, units or [], strict=False) if name and unit}
 
 
-def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str] | None] | None:
+def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str]] | None:
     """Find the channels of a TwinCAT Scope and their units, which it writes as ``V (Voltage)``.
 
     The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column. Time
     is in ms. Lines such as SymbolName;...;SymbolName;... may follow.
     """
-    found: dict[str, list[str]] = {}
-    for cells in reversed([split_cells(line, grid.delimiter) for line in above]):
-        key = cells[0].casefold() if len(cells) == grid.width else ""
-        if key == "name":
-            if not found and not any("Starttime of export" in line for line in above):
-                return cells, None
-            stated = [cell.partition("(")[0].strip() for cell in found.get("unit", [""] * len(cells))]
-            return cells, ["ms" if name == SCOPE_TIME else unit for name, unit in zip(cells, stated, strict=True)]
-        if _SCOPE_KEY.fullmatch(key):
-            found[key] = cells
-        elif key:
-            break
-    return None
+    if not any("Starttime of export" in line for line in above):
+        return None
+    rows = [cells for line in above if len(cells := split_cells(line, grid.delimiter)) == grid.width]
+    names = next((cells for cells in reversed(rows) if cells[0] == SCOPE_TIME), None)
+    if names is None:
+        return None
+    stated = next((cells for cells in rows if cells[0] == "Unit"), [""] * grid.width)
+    units = [cell.partition("(")[0].strip() for cell in stated]
+    return names, ["ms" if name == SCOPE_TIME else unit for name, unit in zip(names, units, strict=True)]
 
 
 def repeated_names(names: Sequence[str]) -> set[str]:

@@ -46,6 +46,7 @@ class LoggedTable:
     master: str = ""  # Channel that stamps the rows, if the file states it
     start: Start | None = None  # When its clock was at 0 s, as the file states it outside the rows
     utc: bool = False  # Whether its time stamps are in UTC; otherwise their time zone is not stated
+    rate_hz: float | None = None  # Rate of its rows, if the file states it outside the rows [Hz]
     # Reads the parts after this one, with the same channels, if the table is too long to be read at once
     more: Callable[[], Iterator[LoggedTable]] | None = None
     parts: int = 1  # Approximate number of parts

@@ -31,6 +31,8 @@ _OTHERS = {
     b"|CF,": "an imc FAMOS recording: export it as text (ASCII, CSV)",
     b"TDSh": "the index of a TDMS file: take the .tdms file itself",
     b"SQLite format 3": "an SQLite database: export the table as CSV",
+    b"date ": "a trace of CAN frames (ASC): export its signals as CSV or MDF",
+    b";$FILEVERSION": "a trace of CAN frames (TRC): export its signals as CSV or MDF",
     b"{": "JSON: export the table as CSV",
     b"<": "XML or a web page: export the table as CSV",
 }

@@ -93,11 +93,11 @@ _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute
 
 @cache
 def bare(unit: str) -> str:
-    """Strip brackets, quotes and blanks from a unit, and replace ``cm²`` by ``cm2`` and ``℃`` by ``°C``."""
+    """Strip brackets, quotes and blanks from a unit; ``cm²`` becomes ``cm2``, and ``absolute bar`` ``bar abs``."""
     text = unicodedata.normalize("NFKC", unit).strip().strip("\"'").strip()
     while len(text) > 1 and _BRACKETS.get(text[0]) == text[-1]:
         text = text[1:-1].strip()
-    return text
+    return re.sub(r"^abs(?:olute?|\.)? +(.+)", r"\1 abs", text, flags=re.IGNORECASE)
 
 
 def _squeezed(text: str) -> str:

@@ -27,13 +27,13 @@ from cylinder_friction.recordings.columns import (
 from cylinder_friction.recordings.formats.cells import NEVER_FALLS, way_of
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import (
-    column_scale,
     electrical,
     known_units,
     of_stroke,
     quantity_of,
     stated_rate,
     stated_reference,
+    to_column_unit,
 )
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.recording import RecordingError
@@ -46,23 +46,16 @@ MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 _ABSOLUTE = re.compile(r"absolut|(?<![^\W_])abs(?![^\W_])", re.IGNORECASE)
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 LIKELY_UNITS = {
-    "time": (
-        ("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7), ("min", 1e-5, 4.9e-4),
-        ("h", 1e-7, 8e-6), ("d", 1e-10, 5e-6),
-    ),
-    "pressure": (
-        ("bar", 1.0, 700.0), ("Pa", 1e5, 7e7), ("kPa", 100.0, 7e4), ("psi", 15.0, 1e4), ("MPa", 0.1, 70.0),
-        ("mbar", 1e3, 7e5),
-    ),
-    "length": (("m", 0.01, 2.0), ("mm", 2.0, 5000.0), ("in", 1.0, 100.0), ("cm", 1.0, 300.0)),
-    "force": (("N", 100.0, 5e6), ("kN", 0.1, 5000.0)),
-    "temperature": (("°C", -40.0, 120.0), ("°F", -40.0, 250.0)),
-}  # fmt: skip
-"""Units of each quantity, likeliest first, each with bounds of the greatest value on a common cylinder.
+    "time": (("s ms us 100ns d", 2e-5, 0.5), ("min h", 4e-4, 0.029)),
+    "pressure": (("bar Pa kPa psi MPa mbar", 1e5, 7e7),),
+    "length": (("m mm in cm", 0.006, 5.0),),
+    "force": (("N kN", 100.0, 5e6),),
+    "temperature": (("°C °F", -40.0, 120.0),),
+}
+"""Units of each quantity, likeliest first, with bounds of the greatest value on a common cylinder in the column's unit.
 
 For time they bound the step, for length the travel. The pressures of one file share a unit, which all must fit.
 """
-
 GREATEST_PRESSURE_PA = 7e7  # Pressure on the piston that gives the greatest credible force of a cylinder [Pa]
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
 EVEN_SHARE = 0.01
@@ -79,6 +72,7 @@ class ChannelFacts:
     words: Words
     unit: str  # Unit that the file or the name states; empty without one
     dates: bool  # Whether its values are dates
+    count: int  # Number of its finite values or dates
     # low, high: Least and greatest finite value; NaN if there are none
     low: float
     high: float
@@ -131,6 +125,7 @@ def _facts(index: int, table: LoggedTable, name: str) -> ChannelFacts:
         words=words,
         unit=stated or words.unit,
         dates=dates,
+        count=len(stamps),
         low=float(finite.min()) if len(finite) else math.nan,
         high=float(finite.max()) if len(finite) else math.nan,
         rising=len(steps) > 2 and way_of(stamps) == 1,
@@ -143,7 +138,7 @@ def _facts(index: int, table: LoggedTable, name: str) -> ChannelFacts:
 
 
 def usual_unit(column: str) -> str:
-    return LIKELY_UNITS[QUANTITIES[column]][0][0] if QUANTITIES[column] != "length" else "mm"
+    return LIKELY_UNITS[QUANTITIES[column]][0][0].split()[0] if QUANTITIES[column] != "length" else "mm"
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
@@ -197,14 +192,13 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
     }.get(quantity, [max(abs(each.low), abs(each.high)) for each in channels])
     if cylinder is not None and quantity in ("length", "force"):
         greatest = 1.05 * cylinder.stroke_m if quantity == "length" else GREATEST_PRESSURE_PA * cylinder.piston_area_m2
-    size = max(sizes)
+    size = np.array(max(sizes))
     ticks = quantity == "time" and all("tick" in each.name.casefold() for each in channels)
     return [
         unit
-        for unit, low, high in LIKELY_UNITS[quantity]
-        if low <= size <= high
-        and (not ticks or unit in ("ms", "100ns"))
-        and (greatest == np.inf or size * column_scale(column, unit) <= greatest)
+        for units, low, high in LIKELY_UNITS[quantity]
+        for unit in units.split()
+        if low <= to_column_unit(size, unit, column) <= min(high, greatest) and (not ticks or unit in ("ms", "100ns"))
     ]
 
 
@@ -308,7 +302,8 @@ def guess_mapping(
     stamps: dict[str, ChannelFacts] = {}
     for column, channel in chosen.items() if not (rate_hz or why) else ():
         free = [time for time, _ in ranked[TIME] if time.table == channel.table and time not in chosen.values()]
-        stamps |= {column: free[0]} if free else {}
+        # In a table with two clocks, the one that ends where the channel ends.
+        stamps |= {column: min(free, key=lambda time: time.count != channel.count)} if free else {}
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time
@@ -317,6 +312,7 @@ def guess_mapping(
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
     columns = {column: _guessed(column, chosen, ranked[column], facts, cylinder, units or {}) for column in wanted}
     if TIME not in chosen:
+        rate_hz = rate_hz or tables[0].rate_hz
         entry, checks = {"rate_hz": rate_hz} if rate_hz else {}, (why,) if why else columns[TIME].checks
         columns[TIME] = GuessedColumn(TIME, None, entry, checks=checks)
     counts = Counter(channel.name for channel in facts)

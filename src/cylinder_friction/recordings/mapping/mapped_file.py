@@ -70,6 +70,13 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
             f"tables of different lengths cannot all be at time_s.rate_hz = {mapping[TIME].rate_hz:g} Hz: {lengths} "
             "rows; name the time channel of each as channels.<column>.time"
         )
+    for index in rated:
+        own_hz, stated_hz = tables[index].rate_hz, mapping[TIME].rate_hz
+        if own_hz is not None and stated_hz is not None and abs(own_hz / stated_hz - 1.0) > RATE_AGREES:
+            raise RecordingError(
+                f"its header states {own_hz:.6g} Hz, but time_s.rate_hz = {stated_hz:.6g} Hz; expected the same; "
+                "correct the mapping, or map files of each rate on their own"
+            )
     stamps, start = _stamps(tables, clocks, mapping)
     _refuse_two_clocks(tables, stamps)
     notes = list(dict.fromkeys(note for index in sorted(set(places.values())) for note in tables[index].notes))
@@ -169,7 +176,8 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
             continue
         known = [each.channel for each in stamps if each.table == clock.table]
         for other in clocks_of(tables[clock.table], known):
-            if other_hz := _other_rate(other, own_hz):
+            shorter = other.count < ENDS_TOGETHER * (len(steps_s) + 1)  # of slower columns, which are not mapped
+            if not shorter and (other_hz := _other_rate(other, own_hz)):
                 own = repr(clock.channel) if clock.channel else "the stated rate"
                 raise RecordingError(
                     f"the table has two clocks, {own} with {own_hz[-1]:.4g} Hz and {other.name!r} with {other_hz:.4g} "

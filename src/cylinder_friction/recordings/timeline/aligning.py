@@ -29,8 +29,11 @@ Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]]]
 """Pieces with their segment of the clock, and the columns resampled by each method."""
 HIGHEST_RATIO = 10.0  # Largest ratio of a wanted rate to the fastest channel's rate
 SHORTEST_PIECE = 10  # Fewest samples of a stretch between two gaps that is used
-SHORT = "left out between gaps"
 MOST_SHORT = 0.01  # Largest share of the rows in shorter stretches that is not stated
+
+
+class RowsLeftOut(str):
+    """A repair that leaves rows out, which count as refused."""
 
 
 def align(
@@ -74,7 +77,8 @@ def align(
         )
     short = max(([b - a for a, b in each.stretches() if b - a < SHORTEST_PIECE] for each in timelines), key=sum)
     if sum(short) > MOST_SHORT * len(timelines[0].values):
-        repairs.append(f"{SHORT}: {sum(short)} rows in {len(short)} stretches of fewer than {SHORTEST_PIECE} samples")
+        stretches = f"{sum(short)} rows in {len(short)} stretches of fewer than {SHORTEST_PIECE} samples"
+        repairs.append(RowsLeftOut(f"left out between gaps: {stretches}"))
     repairs += [*_edge_note(timelines, rate_hz), *_sentences(methods, len(timelines))]
     return [
         _piece(columns, rate_hz, about, start, segment, (*repairs, *_bridged_note(timelines, columns[TIME], segment)))
