@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.label import label
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, sensor_uncertainty
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
@@ -109,3 +111,22 @@ def test_steps_that_noise_spreads_count_as_noise_alone() -> None:
 
     assert uncertainty(1.0) == 0.0
     assert uncertainty(0.1) == pytest.approx(2.0 * step_pa / math.sqrt(12.0) * math.hypot(A1, A2))
+
+
+@pytest.mark.parametrize("mass_kg", [6.0, 180.0])
+def test_bounds_hold_friction_of_a_heavy_rod_that_changes_its_acceleration(mass_kg: float) -> None:
+    step_s, random = 0.005, np.random.default_rng(0)
+    time_s = step_s * np.arange(4000)
+    shaken = np.mod(time_s, 5.0) < 0.5  # at 4 Hz, which the acceleration's window of 0.2 s cannot follow
+    angle = 8.0 * np.pi * time_s
+    position = 0.125 + 0.004 * np.where(shaken, np.sin(angle) ** 3, 0.0)
+    acceleration = np.gradient(np.gradient(position, step_s), step_s)
+    force = 300.0 + mass_kg * acceleration + random.normal(0.0, 10.0, len(time_s))
+    columns = {"time_s": time_s, "pressure_1_pa": 20e5 + force / A1, "pressure_2_pa": np.full(4000, 20e5 * A1 / A2)}
+    columns["position_m"] = position + random.normal(0.0, 2e-5, len(time_s))
+    metadata = RecordingMetadata("r", "1", "s", step_s, uncertainty=both(SensorUncertainty(1e3, 0.0)))
+    raw = Recording(metadata, pd.DataFrame(columns))
+    (found,) = label([raw], replace(CYLINDER, moving_mass_kg=mass_kg))
+    half_n, held = found.column("friction_uncertainty_n"), found.usable() & shaken
+    assert np.mean(np.abs(found.column("friction_n") - 300.0)[held] <= half_n[held]) >= 0.9
+    assert np.median(half_n[~shaken]) < 13.0

@@ -17,7 +17,12 @@ from cylinder_friction.labelling.mass import motion_points
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
-from cylinder_friction.labelling.uncertainty import label_uncertainty, line_uncertainty, smoothing_deviation
+from cylinder_friction.labelling.uncertainty import (
+    inertia_deviation,
+    label_uncertainty,
+    line_uncertainty,
+    smoothing_deviation,
+)
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, UNCERTAINTY_COLUMN
@@ -138,8 +143,10 @@ class Labeller:
             columns[LOAD_FORCE] = np.asarray(load_n)
             load_uncertainty_n = identified.load.uncertainty_n(recording.samples(identified.load.columns))
         lines_n = line_uncertainty(recording, self.cylinder, recording.column("velocity_m_s"))
+        inertia_n = inertia_deviation(recording, (identified or self.cylinder).moving_mass_kg)
         smoothing_n = np.hypot(smoothing_deviation(recording, self.cylinder, signal_filter), lines_n)
-        uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n, smoothing_n)
+        left_n = np.hypot(smoothing_n, inertia_n)
+        uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n, left_n)
         if uncertainty_n is not None:
             columns[UNCERTAINTY_COLUMN] = uncertainty_n
         return recording.with_columns(**columns, **balanced)

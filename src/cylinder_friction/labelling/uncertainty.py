@@ -6,7 +6,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.noise import noise_deviation
+from cylinder_friction.signals.noise import MEDIAN_OF_NORMAL, noise_deviation
 from cylinder_friction.signals.smooth_signals import SignalFilter, at_cylinder, has_pressures
 
 DITHER = 0.5
@@ -28,6 +28,18 @@ def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter:
     return np.asarray(np.sqrt(variance))
 
 
+def inertia_deviation(recording: Recording, mass_kg: float) -> Array:
+    """Compute the standard deviation that smoothing of the acceleration leaves in a filtered recording's label [N].
+
+    It is the inertia by which the acceleration differs from the slope of the velocity, which is smoothed less, if that
+    exceeds twice its noise. Shape ``(n,)``.
+    """
+    slope_m_s2 = np.gradient(recording.column("velocity_m_s"), recording.sample_time_s)
+    left_n = mass_kg * np.abs(slope_m_s2 - recording.column("acceleration_m_s2"))
+    noise_n = float(np.median(left_n)) / MEDIAN_OF_NORMAL
+    return np.asarray(np.sqrt(np.maximum(left_n**2 - (2.0 * noise_n) ** 2, 0.0)))
+
+
 def label_uncertainty(
     recording: Recording,
     cylinder: Cylinder,
@@ -44,9 +56,8 @@ def label_uncertainty(
     which the reading is uniformly distributed. A measured drive force replaces both pressures. The terms add in
     quadrature, as sensors are independent. ``smoothing_n``, u_s, is the standard deviation that the label's filter
     leaves, a number or ``(n,)``. If noise spreads the converter's steps (``DITHER``), u_s includes them, and the
-    resolution does not count again. Inertia is left out: its uncertainty is newtons, while the sensors' is hundreds. A
-    sensor's zero is constant within a recording, so averaging rows does not reduce its uncertainty.
-    ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, a number or ``(n,)``.
+    resolution does not count again. A sensor's zero is constant within a recording, so averaging rows does not reduce
+    its uncertainty. ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load.
 
     Returns None if a sensor behind the label states no uncertainty, as unknown is not zero. A measured load may use
     ``load_uncertainty_n`` instead.
