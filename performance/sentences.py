@@ -258,8 +258,8 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
         odd_zeros,
     ),
     (
-        "labelling/known_offset.py undetermined, session to session",
-        r"differs from session to session by ± \d+ N, (?:where|while) the stated zeros explain",
+        "labelling/known_offset.py, session to session",
+        r"differs from session to session by ± \d+ N, while the stated zeros explain",
         lambda m, made, name: odd_zeros(m, made, name) or "asymmetry_sd" in made.world.options,
     ),
     (

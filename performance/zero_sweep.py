@@ -161,7 +161,7 @@ def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinde
         error_n, half_n = (each.column("friction_n") - truth_n)[rows], each.column(UNCERTAINTY_COLUMN)[rows]
         level_n, taken_off = float(np.mean(np.abs(truth_n[rows]))), found.source == STROKES
         left_n = error_n - (found.offset_n if taken_off else 0.0)
-        if taken_off:
+        if taken_off or found.uncertainty_n > found.stated_n:
             half_n = found.half_n(half_n)
         missed_n = abs(float(np.mean(error_n)) - found.offset_n)
         yield {

@@ -164,7 +164,9 @@ class RecordingFriction:
         if UNCERTAINTY_COLUMN in recording.columns:
             half_n = recording.column(UNCERTAINTY_COLUMN)
         if known.source == STROKES:
-            friction_n, half_n = friction_n - known.offset_n, known.half_n(half_n, self._stated_load_n(recording))
+            friction_n = friction_n - known.offset_n
+        if known.source == STROKES or known.uncertainty_n > known.stated_n:
+            half_n = known.half_n(half_n, self._stated_load_n(recording))
         if loss is not None:
             half_n = half_n + loss.most_n(recording.column("velocity_m_s"))
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}

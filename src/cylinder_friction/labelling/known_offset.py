@@ -41,6 +41,8 @@ LEAST_IN_CONDITION = 3
 """Least number of sessions of a condition for identifying their deviations from the mean."""
 ODD_SHARE = 0.1
 """Largest share of uneven sessions that may be left out; if more are uneven, friction or zeros are the cause."""
+RARE = 0.02
+"""Probability of larger deviations between sessions, if zeros are as stated, below which their intervals widen."""
 NINE_OF_TEN = 0.64
 """Share of its expanded uncertainty that an error exceeds in one of ten rows, on the side of a constant error."""
 
@@ -71,7 +73,7 @@ class KnownOffset:
     uncertainty_n: float = math.nan
     stated_n: float = math.nan
     offset_n: float = math.nan  # Offset to subtract from friction [N]; NaN if unknown
-    doubt: str = ""  # What shows that bounds may be too narrow; empty if nothing does
+    doubt: str = ""  # What is not as stated, so that bounds may be too narrow; empty if nothing shows that
 
     @property
     def value(self) -> str:
@@ -147,20 +149,51 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     sessions: dict[str, list[OffsetEvidence]] = {}
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)
-    own_n = {} if model is None else _conditions_n(model, {each.session: each.condition for each in counted}, plan)
+    conditions = {each.session: each.condition for each in counted}
+    own_n = {} if model is None else _conditions_n(model, conditions, plan)
     known = [_known(name, sessions[name], model, plan, own_n.get(sessions[name][0].condition, 0.0)) for name in order]
-    left = {each.session for each in known if each.source == STATED}
-    if model is None or not left:
+    if model is None:
         return known
-    conditions = {each.condition for each in counted if each.session in left}
-    of_them = [each for each in counted if each.condition in conditions]
+    left = {each.session for each in known if each.source == STATED}
+    of_them = [each for each in counted if each.condition in {conditions[name] for name in left & conditions.keys()}]
     both_ways = [(each.condition, each.sliding) for each in of_them if not math.isnan(each.sliding.halves_n()[0])]
     own_models = _deviation_models(both_ways, plan, model).values()
     deviations = {name: _deviation(each, own) for own in own_models for name, each in own.sessions.items()}
-    return [
+    known = [
         replace(deviations[each.session], doubt=each.doubt) if each.session in left & deviations.keys() else each
         for each in known
     ]
+    factor = _spread_factor(model, conditions, plan)
+    return known if factor == 1.0 else [_widened(each, factor) for each in known]
+
+
+def _spread_factor(model: OffsetModel, conditions: Mapping[str, str], plan: OffsetPlan) -> float:
+    """Compute how many times as much sessions of a condition differ as stated zeros and the plan's asymmetry explain.
+
+    It is 1 if that happens by chance more often than ``RARE``.
+    """
+    from scipy.special import chdtrc  # slow to import
+
+    found = [each for each in model.sessions.values() if each.strokes_extend and each.strokes_retract]
+    _, place, counts = np.unique([conditions[each.session] for each in found], False, True, True)
+    free, own_n = len(found) - len(counts), 0.5 * cautious(plan, model.sessions).asymmetry_sd * model.level_n
+    stated_n = np.array([max(each.prior_n, 1e-9) for each in found])
+    # An offset and a session's own asymmetry are not told apart: the model takes a share of both for the offset
+    both_n = np.array([each.offset_n for each in found]) * (1.0 + (_own_asymmetry_n(model) / stated_n) ** 2)
+    off_n = both_n - (np.bincount(place, both_n) / counts)[place]
+    square = float(np.sum(off_n**2 / (stated_n**2 + own_n**2)))
+    return math.sqrt(square / free) if free and chdtrc(free, square) < RARE else 1.0
+
+
+def _widened(known: KnownOffset, factor: float) -> KnownOffset:
+    """Widen the interval of an offset by a factor, and state why."""
+    doubt = (
+        f"what does not turn with the direction differs from session to session by ± {factor * known.stated_n:.0f} N, "
+        f"while the stated zeros explain ± {known.stated_n:.0f} N: zeros are worse than stated, a load differs, a line "
+        f"loses pressure, or friction of each is asymmetric in its own way; bounds allow for {factor:.1f} times the "
+        "stated zeros"
+    )
+    return replace(known, uncertainty_n=factor * known.uncertainty_n, doubt=known.doubt or doubt)
 
 
 def _deviation_models(
@@ -287,7 +320,7 @@ def _known(
         reasons = dict.fromkeys(each.why_not or each.uneven for each in own if each.why_not or each.uneven)
         why_not = "; ".join(reasons) or f"no steady sliding faster than {1e3 * plan.slowest_m_s:g} mm/s"
     elif why_not := undetermined(found, model, plan):
-        why_not, doubt = doubt or why_not, doubt or _doubt(found, model, plan)
+        why_not, doubt = doubt or why_not, doubt or _doubt(model, plan)
     else:
         count = len(model.sessions)
         together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
@@ -311,25 +344,19 @@ def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> 
     narrow = found.standard_uncertainty_n < (LEAST_NARROWING_OF_FEW if few else LEAST_NARROWING) * found.prior_n
     if narrow and model.plan.asymmetry <= UNEXPECTED * plan.asymmetry:
         return ""
-    return _doubt(found, model, plan) or (
+    more = f"; give at least {LEAST_SESSIONS} sessions of the cylinder together" if few else ""
+    return _doubt(model, plan) or (
         "strokes in both directions narrow it no further, as friction of each session may be asymmetric in its own "
-        f"way; give at least {LEAST_SESSIONS} sessions of the cylinder together"
+        f"way{more}"
     )
 
 
-def _doubt(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
-    """Explain what the stated zeros and the plan's asymmetry do not; empty if they explain everything."""
-    if model.plan.asymmetry > UNEXPECTED * plan.asymmetry:
-        return (
-            f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "
-            f"{100.0 * plan.asymmetry:.0f} % is expected: it may differ in another way in each session; or a load is "
-            "not as stated, a line loses pressure or zeros are worse than stated, and then bounds are too narrow"
-        )
-    if len(model.sessions) < 3 or _own_asymmetry_n(model) <= found.prior_n:
+def _doubt(model: OffsetModel, plan: OffsetPlan) -> str:
+    """Explain that friction is less symmetric than planned; empty if it is as planned."""
+    if model.plan.asymmetry <= UNEXPECTED * plan.asymmetry:
         return ""
     return (
-        "what does not turn with the direction differs from session to session by ± "
-        f"{COVERAGE_FACTOR * model.even_spread_n:.0f} N, while the stated zeros explain ± "
-        f"{COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric in its own way, a load differs, "
-        "a line loses pressure, or zeros are worse than stated; unless it is friction, bounds are too narrow"
+        f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "
+        f"{100.0 * plan.asymmetry:.0f} % is expected: it may differ in another way in each session; or a load is "
+        "not as stated, a line loses pressure or zeros are worse than stated, and then bounds are too narrow"
     )

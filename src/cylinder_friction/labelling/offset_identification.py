@@ -91,7 +91,6 @@ class SessionOffset:
     strokes_extend: int
     strokes_retract: int
     sliding_s: float  # Duration of the steady sliding that was used [s]
-    even_n: float = math.nan  # Force that does not turn: half the sum of mean friction extending and retracting [N]
 
     @property
     def relative_uncertainty_n(self) -> float:
@@ -143,12 +142,6 @@ class OffsetModel:
             for name, each in self.sessions.items()
         }
         return replace(self, coefficients=tuple(coefficients), common_uncertainty_n=common_n, sessions=sessions)
-
-    @property
-    def even_spread_n(self) -> float:
-        """Standard deviation between sessions of the force that does not turn with the direction [N]; 0 for one."""
-        values = [each.even_n for each in self.sessions.values() if math.isfinite(each.even_n)]
-        return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
     def identify(self, recordings: Iterable[Recording]) -> SessionOffset:
         """Identify the offset of a further session from its own labelled recordings, given the friction of the others.
@@ -435,6 +428,5 @@ def _session_offsets(
     for session, offset_n, uncertainty_n in zip(sessions, offsets_n.tolist(), uncertainties_n.tolist(), strict=True):
         extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
         common, prior = min(common_n, uncertainty_n), (session.prior_n, extend, retract, session.sliding_s)
-        even_n, _ = session.halves_n()
-        found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior, even_n))
+        found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior))
     return found
