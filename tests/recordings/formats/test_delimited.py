@@ -69,6 +69,7 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
         ("t [s],P1 [bar] (AVE),axis[1]", {"t [s]": "s", "P1 [bar] (AVE)": "bar"}),
         ("t (s),P1 (bar),pressure (A)", {"t (s)": "s", "P1 (bar)": "bar"}),
         ("t/s,v/mm/s,p in N/mm²", {"t/s": "s", "v/mm/s": "mm/s", "p in N/mm²": "N/mm²"}),
+        ("t/s,Druck Boden/bar,Pump speed rev/min", {"t/s": "s", "Druck Boden/bar": "bar"}),
         ("t,P1 (rod side),x\ns,bar,mm", {"t": "s", "P1 (rod side)": "bar", "x": "mm"}),
         ("t,P1,x\n[s],[bar],", {"t": "s", "P1": "bar"}),
         ("TIMESTAMP,P1,x\nTS,bar,Deg C\n,Smp,Avg", {"P1": "bar", "x": "Deg C"}),  # of Campbell Scientific

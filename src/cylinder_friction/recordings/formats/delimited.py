@@ -48,9 +48,6 @@ _LEAST_SCORE = 0.3
 _FEWEST_LINES, _USUAL_LINES = 20, 500
 _LARGEST_HEAD = 64 * HEAD_SIZE
 _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
-_DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
-"""Date formats in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
-
 _UNIT_WORD = re.compile("unit|einheit", re.IGNORECASE)
 """In the first cell of a line of units, such as 'Unit', 'Vertical Units', 'Y_Unit_Label'."""
 STEP_KEYS = ("delta_x", "hresolution")  # Words before a sample time [s], in lower case
@@ -382,15 +379,14 @@ def _decimal(grid: _Grid) -> str | None:
 def _units_in_line(cells: list[str]) -> list[str] | None:
     """Read the units of a line that consists mostly of units; None for another line.
 
-    An empty cell, a cell without a unit (``NO.`` above row numbers), and a date format give the unit ''.
+    An empty cell, and a cell without a unit such as ``NO.`` above row numbers, give the unit ''.
     """
     units, others = [], 0
     for cell in cells:
         text = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
         known = text.casefold().replace("deg ", "deg") in KNOWN
-        ignored = not text or (not known and (_UNIT_WORD.search(text) or _DATE_PATTERN.match(text)))
-        units.append("" if ignored or not (known or text != cell) else text)
-        others += not ignored and not units[-1]
+        units.append(text if known or text != cell else "")
+        others += bool(text) and not units[-1] and not _UNIT_WORD.search(text)
     return units if sum(map(bool, units)) > others else None
 
 

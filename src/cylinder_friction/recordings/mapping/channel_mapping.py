@@ -86,7 +86,7 @@ _PORTS = frozenset("ABCFGHKPTXY")
 """Single letters that more probably name a port or an axis than a unit: 'pressure (A)'."""
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\](?:\s*\([^()]*\))?$")
 _IN_PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\(\s*(?P<unit>[^()]*?)\s*\)$")
-_DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) )(?P<unit>\S+)$")
+_DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) |.* [^\s/]{3,}/(?!s$|min$|h$))(?P<unit>\S+)$")
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
 _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute?)|g|gauge|rel|relativ|ü)\.?\)?", re.I)
 

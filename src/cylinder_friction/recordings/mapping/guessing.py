@@ -48,7 +48,7 @@ _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 LIKELY_UNITS = {
     "time": (("s ms us 100ns d", 2e-5, 0.5), ("min h", 4e-4, 0.029)),
     "pressure": (("bar Pa kPa psi MPa mbar", 1e5, 7e7),),
-    "length": (("m mm in cm", 0.006, 5.0),),
+    "length": (("mm m in cm", 0.006, 5.0),),
     "force": (("N kN", 100.0, 5e6),),
     "temperature": (("°C °F", -40.0, 120.0),),
 }
@@ -138,7 +138,7 @@ def _facts(index: int, table: LoggedTable, name: str) -> ChannelFacts:
 
 
 def usual_unit(column: str) -> str:
-    return LIKELY_UNITS[QUANTITIES[column]][0][0].split()[0] if QUANTITIES[column] != "length" else "mm"
+    return LIKELY_UNITS[QUANTITIES[column]][0][0].split()[0]
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
