@@ -93,8 +93,8 @@ def rate_in_header(lines: list[str], delimiter: str) -> float | None:
 
     None without one, or if channels differ.
     """
-    stated = [cells for line in lines if (cells := split_cells(line, delimiter))[0].casefold() in STEP_KEYS]
-    steps_s = {float(cell.replace(",", ".")) for cells in stated for cell in cells[1:] if is_number(cell, None)}
+    stated = (split_cells(line, delimiter)[1:] for line in lines if line.lstrip('" ').casefold().startswith(STEP_KEYS))
+    steps_s = {float(cell.replace(",", ".")) for cells in stated for cell in cells if is_number(cell, None)}
     return 1.0 / steps_s.pop() if len(steps_s) == 1 and min(steps_s) > 0.0 else None
 
 
