@@ -6,8 +6,9 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -110,19 +111,15 @@ def _line_end(text: Text, place: int) -> int:
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
     """Read enough of the first whole lines to contain names and rows, and find their layout."""
-    size = HEAD_SIZE
-    while True:
-        head = text.file.read_at(min(size, text.end - text.start), text.start)
+    length = text.end - text.start
+    for size, most in ((HEAD_SIZE, _USUAL_LINES), (_LARGEST_HEAD, None)):  # the lines above the rows may be many
+        head = text.file.read_at(min(size, length), text.start)
         lines: list[bytes] = head.splitlines(keepends=True)
-        if size < text.end - text.start:
-            lines = lines[:-1] if len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD else []
-        for most in (_USUAL_LINES, len(lines)):  # the lines above the rows may be many
-            try:
+        lines = lines if len(head) == length else lines[:-1]
+        with suppress(RecordingError):
+            if len(lines) > _FEWEST_LINES or len(head) == length:
                 return lines, find_layout([line.decode() for line in lines[:most]], options)
-            except RecordingError:
-                if most >= len(lines) and size >= min(_LARGEST_HEAD, text.end - text.start):
-                    raise
-        size *= 4
+    return lines, find_layout([line.decode() for line in lines], options)
 
 
 @dataclass(frozen=True)
@@ -267,10 +264,16 @@ class _Grid:
     numeric: list[int]
     score: float
 
-    @property
+    @cached_property
     def trailing(self) -> bool:
         """Whether every row ends with a delimiter; its last cell is then a channel only if it has a name."""
         return self.width > 1 and not any(row[-1] for row in self.rows if len(row) == self.width)
+
+    def is_heading(self, cells: list[str]) -> bool:
+        """Check whether a line has a cell for each column, lacks the last one, or has LabVIEW's comments behind it."""
+        more = len(cells) - self.width
+        comment = more == 1 and cells[-1].casefold() in ("", "comment")
+        return more == 0 or comment or (more == -1 and self.trailing)
 
     def is_row(self, cells: list[str]) -> bool:
         """Check whether every numeric column has a value or is empty, and at least one has a value."""
@@ -337,10 +340,7 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
     else:
         cells = (split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:_MOST_ABOVE])
         names = (row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row))
-        widths = (len(row) - (len(row) > grid.width and row[-1].casefold() == "comment") for row in names)
-        trailing = not grid.rows[-1][-1]
-        fits = any(width in (grid.width, grid.width - trailing) for width in widths)
-        fits = fits or grid.is_row(split_cells(lines[0].lstrip("#% "), grid.delimiter))
+        fits = any(map(grid.is_heading, names)) or grid.is_row(split_cells(lines[0].lstrip("#% "), grid.delimiter))
     return grid.score >= _LEAST_SCORE, fits, grid.width > 1, round(grid.score, 2), grid.width
 
 
@@ -400,9 +400,7 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
     for line in reversed([line for line in above if line.strip() and not line.startswith("***")]):
         comment = line.lstrip().startswith(("#", "%", "//"))
         cells = split_cells(line.lstrip("#%/ ") if comment else line, grid.delimiter)
-        more = len(cells) - grid.width
-        last = more == 1 and cells[-1].casefold() in ("", "comment")  # LabVIEW has a column of comments
-        if not (more == 0 or last or (more == -1 and grid.trailing)) or (grid.width == 1 and block):
+        if not grid.is_heading(cells) or (grid.width == 1 and block):
             break
         block.insert(0, cells)
     pairs = reversed(list(pairwise(block)))
