@@ -111,7 +111,10 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
         map_signals(tables, MAPPING)
     map_signals([replace(tables[0], master="t")], MAPPING)  # as the file itself states
     ended = tables[0].channels["t10 [ms]"].where(ROWS < 20)  # it stamps a slower channel, which is not mapped
-    map_signals([replace(tables[0], channels=tables[0].channels.assign(**{"t10 [ms]": ended}))], MAPPING)
+    slower = replace(tables[0], channels=tables[0].channels.assign(**{"t10 [ms]": ended}))
+    map_signals([slower], MAPPING)
+    with pytest.raises(RecordingError, match=re.escape(words)):  # position is as short
+        map_signals([replace(slower, channels=slower.channels.assign(x=np.where(ROWS < 15, 1.0, np.nan)))], MAPPING)
     mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]")}
     assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == 0.39
     in_seconds = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]", time_unit="s")}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
@@ -78,7 +78,6 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
                 "correct the mapping, or map files of each rate on their own"
             )
     stamps, start = _stamps(tables, clocks, mapping)
-    _refuse_two_clocks(tables, stamps)
     notes = list(dict.fromkeys(note for index in sorted(set(places.values())) for note in tables[index].notes))
     signals = {}
     for column, place in places.items():
@@ -91,6 +90,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
                 f"{clocks[column].channel!r} has {len(time_s)}; name its own as channels.{column}.time"
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
+    _refuse_two_clocks(tables, stamps, signals.values())
     notes += _fill_slow(signals)
     _refuse_two_ends(signals, mapping)
     notes += _take_delays(signals, mapping)
@@ -165,8 +165,13 @@ def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
     return None if agrees else nearest_hz
 
 
-def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> None:
-    """Refuse a table with an unused clock that contradicts the stated rate, or a clock in use that is no master."""
+def _refuse_two_clocks(
+    tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array], signals: Collection[Signal]
+) -> None:
+    """Refuse a table with an unused clock that contradicts the stated rate, or a clock in use that is no master.
+
+    A shorter clock stamps other channels if no signal is as short.
+    """
     for clock, time_s in stamps.items():
         steps_s = np.diff(time_s[np.isfinite(time_s)])
         if len(steps_s) < FEWEST_ROWS or clock.channel == tables[clock.table].master != "":
@@ -175,9 +180,10 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
         if not own_hz:
             continue
         known = [each.channel for each in stamps if each.table == clock.table]
+        counts = [np.count_nonzero(np.isfinite(each.values)) for each in signals if each.time_s is time_s]
         for other in clocks_of(tables[clock.table], known):
-            shorter = other.count < ENDS_TOGETHER * (len(steps_s) + 1)  # of slower columns, which are not mapped
-            if not shorter and (other_hz := _other_rate(other, own_hz)):
+            may_stamp = other.count >= ENDS_TOGETHER * min(counts)
+            if may_stamp and (other_hz := _other_rate(other, own_hz)):
                 own = repr(clock.channel) if clock.channel else "the stated rate"
                 raise RecordingError(
                     f"the table has two clocks, {own} with {own_hz[-1]:.4g} Hz and {other.name!r} with {other_hz:.4g} "
