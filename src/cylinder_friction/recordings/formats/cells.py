@@ -113,7 +113,7 @@ def _text_values(column: Any, decimal: str | None, name: str) -> CellValues:
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
     if text.null_count == len(text):
         return CellValues(np.full(len(text), np.nan))
-    if decimal is None:
+    if decimal is None:  # the first rows have whole numbers
         decimal = "," if pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py() else "."
     form = f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$"
     number, note = pc.match_substring_regex(text, form), ""
@@ -166,19 +166,15 @@ def stamps_of(text: Any, name: str) -> CellValues | None:
         elif pattern == _NAMED_MONTH:
             fields["Y"] = pc.replace_substring_regex(fields["Y"], "^(..)$", r"20\1")
             fields["m"] = pc.add(pc.index_in(pc.utf8_lower(fields["m"]), _MONTHS), 1).cast(pa.string())
-        if first:
-            note = (
-                f"time: the dates of {name!r} may have the day or the {first} first; they, and the start, are left out"
-            )
-            fields |= {"Y": "1970", "m": "1", "d": "1", "zone": ""}
         zones = set(pc.unique(found["zone"]).drop_null().to_pylist()) if "zone" in found else set()
-        if letters := [zone for zone in zones if zone and not re.fullmatch(ZONE, zone)]:
+        if first:
+            ways = f"the day or the {first} first; they, and the start, are left out"
+            note = f"time: the dates of {name!r} may have {ways}"
+            fields |= {"Y": "1970", "m": "1", "d": "1", "zone": ""}
+        elif letters := [zone for zone in zones if zone and not re.fullmatch(ZONE, zone)]:
             if len(zones) > 1:
                 return None
-            note = (
-                note
-                or f"time: {letters[0]} in {name!r} names no time zone for certain; state start.zone in the mapping"
-            )
+            note = f"time: {letters[0]} in {name!r} names no time zone for certain; state start.zone in the mapping"
             fields["zone"] = ""
         stamps = _instants(fields)
         if stamps is None:
@@ -368,10 +364,7 @@ class Columns(NamedTuple):
 
 
 def columns_of(named: Iterable[tuple[str, Any]], decimal: str | None, wanted: Collection[str] | None) -> Columns:
-    """Read named Arrow columns; join date and time of day, or either with parts of a second.
-
-    If the decimal sign is not known, None, a text column that consists of numbers with decimal commas has commas.
-    """
+    """Read named Arrow columns; join date and time of day, or either with parts of a second."""
     read = [(name, column_values(column, decimal, name)) for name, column in named]
     clocks = {name: cells.clock_s for name, cells in read if cells.clock_s}
     units = {name: cells.unit for name, cells in read if cells.unit}

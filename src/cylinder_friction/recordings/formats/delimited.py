@@ -90,10 +90,7 @@ def read_delimited(
 
 
 def rate_in_header(lines: list[str], delimiter: str) -> float | None:
-    """Read the rate [Hz] that LabVIEW or a Yokogawa recorder states above the rows as the sample time of all channels.
-
-    None without one, or if channels differ.
-    """
+    """Read the rate [Hz] of a header with one sample time for all channels, as LabVIEW and Yokogawa write it."""
     stated = (split_cells(line, delimiter)[1:] for line in lines if line.lstrip('" ').casefold().startswith(STEP_KEYS))
     steps_s = {float(cell.replace(",", ".")) for cells in stated for cell in cells if is_number(cell, None)}
     return 1.0 / steps_s.pop() if len(steps_s) == 1 and min(steps_s) > 0.0 else None

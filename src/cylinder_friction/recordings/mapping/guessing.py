@@ -302,8 +302,8 @@ def guess_mapping(
     stamps: dict[str, ChannelFacts] = {}
     for column, channel in chosen.items() if not (rate_hz or why) else ():
         free = [time for time, _ in ranked[TIME] if time.table == channel.table and time not in chosen.values()]
-        # In a table with two clocks, the one that ends where the channel ends.
-        stamps |= {column: min(free, key=lambda time: time.count != channel.count)} if free else {}
+        # Of two clocks in a table, the one that is as long as the channel.
+        stamps |= {column: min(free, key=lambda time: abs(time.count - channel.count))} if free else {}
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time

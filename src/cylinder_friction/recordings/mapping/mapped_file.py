@@ -168,10 +168,7 @@ def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
 def _refuse_two_clocks(
     tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array], signals: Collection[Signal]
 ) -> None:
-    """Refuse a table with an unused clock that contradicts the stated rate, or a clock in use that is no master.
-
-    A shorter clock stamps other channels if no signal is as short.
-    """
+    """Refuse a table with an unused clock that contradicts the stated rate, or a clock in use that is no master."""
     for clock, time_s in stamps.items():
         steps_s = np.diff(time_s[np.isfinite(time_s)])
         if len(steps_s) < FEWEST_ROWS or clock.channel == tables[clock.table].master != "":
@@ -182,8 +179,8 @@ def _refuse_two_clocks(
         known = [each.channel for each in stamps if each.table == clock.table]
         counts = [np.count_nonzero(np.isfinite(each.values)) for each in signals if each.time_s is time_s]
         for other in clocks_of(tables[clock.table], known):
-            may_stamp = other.count >= ENDS_TOGETHER * min(counts)
-            if may_stamp and (other_hz := _other_rate(other, own_hz)):
+            shorter = other.count < ENDS_TOGETHER * min(counts)  # it stamps channels that are not mapped
+            if not shorter and (other_hz := _other_rate(other, own_hz)):
                 own = repr(clock.channel) if clock.channel else "the stated rate"
                 raise RecordingError(
                     f"the table has two clocks, {own} with {own_hz[-1]:.4g} Hz and {other.name!r} with {other_hz:.4g} "
