@@ -170,15 +170,15 @@ def _refuse_two_clocks(
 ) -> None:
     """Refuse a table with an unused clock that contradicts the stated rate, or a clock in use that is no master."""
     for clock, time_s in stamps.items():
-        steps_s = np.diff(time_s[np.isfinite(time_s)])
+        others = clocks_of(tables[clock.table], [each.channel for each in stamps if each.table == clock.table])
+        steps_s = np.diff(time_s[np.isfinite(time_s)]) if others else time_s[:0]
         if len(steps_s) < FEWEST_ROWS or clock.channel == tables[clock.table].master != "":
             continue
         own_hz = [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0]
         if not own_hz:
             continue
-        known = [each.channel for each in stamps if each.table == clock.table]
         counts = [np.count_nonzero(np.isfinite(each.values)) for each in signals if each.time_s is time_s]
-        for other in clocks_of(tables[clock.table], known):
+        for other in others:
             shorter = other.count < ENDS_TOGETHER * min(counts)  # it stamps channels that are not mapped
             if not shorter and (other_hz := _other_rate(other, own_hz)):
                 own = repr(clock.channel) if clock.channel else "the stated rate"
