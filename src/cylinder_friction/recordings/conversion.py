@@ -219,9 +219,8 @@ def pieces_of_tables(
         yield from (
             (each, f"piece {n} of {len(pieces)}" if len(pieces) > 1 else "") for n, each in enumerate(pieces, 1)
         )
-        for note in pieces[0].metadata.repairs:
-            if isinstance(note, RowsLeftOut):
-                yield RecordingError(f"{note}; if the rate changed, cut the file there"), "rest"
+        left = (note for note in pieces[0].metadata.repairs if isinstance(note, RowsLeftOut))
+        yield from ((RecordingError(f"{note}; if the rate changed, cut the file there"), "rest") for note in left)
         return
     number, rows, last, rules = 0, 0, "", recipe.time
     width, restarted = max(2, len(str(tables[0].parts))), False

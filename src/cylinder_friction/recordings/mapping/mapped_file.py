@@ -101,10 +101,13 @@ def _fill_slow(signals: dict[str, Signal]) -> list[str]:
     """Fill the oil temperature between its values on the rows of another column; leave it out if it has a long gap."""
     slow = signals.get(OIL_TEMPERATURE)
     beside = [own for own in signals.values() if slow and own is not slow and own.time_s is slow.time_s]
-    if not slow or not beside or np.isfinite(slow.values[~(rows := np.isfinite(beside[0].values))]).any():
+    if not slow or not beside or (valid := np.isfinite(slow.values)).all():
+        return []
+    rows = np.isfinite(beside[0].values)
+    if valid[~rows].any():
         return []
     values, filled = slow.values[rows], np.full(len(rows), np.nan)
-    known = np.flatnonzero(np.isfinite(values))
+    known = np.flatnonzero(valid[rows])
     steps = np.diff(known, prepend=-1, append=len(values))
     if len(known) < 3 or steps.max() > MOST_STEPS * np.median(steps):
         del signals[OIL_TEMPERATURE]
