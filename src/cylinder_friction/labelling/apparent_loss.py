@@ -43,11 +43,6 @@ class ApparentLoss:
 
     unknown_viscous = "part of it may be what lines between sensors and cylinder lose; state sensor.line_loss"
 
-    @property
-    def named(self) -> bool:
-        """Whether the force is larger than the part of friction that itself grows with speed."""
-        return self.square_n + self.linear_n > LEAST_SHARE * self.friction_n
-
     def most_n(self, velocity_m_s: Array) -> Array:
         """Compute the largest possible loss [N], shape ``(n,)``, as if none of the force were friction."""
         part = np.abs(velocity_m_s) / self.speed_m_s
@@ -67,12 +62,12 @@ class ApparentLoss:
         )
 
 
-def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
-    """Fit the force that looks like a loss in steady sliding, large or small: the median over conditions.
+def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
+    """Fit the force that looks like a loss in steady sliding: the median over conditions.
 
-    Returns None without pressures, with too little sliding, or if the losses of lines are stated. In the fit, friction
-    of each condition has Coulomb, Stribeck, viscous and pressure-dependent parts, none of them negative, and each
-    session has an offset.
+    Returns None without pressures, with too little sliding, if the losses of lines are stated, or if the force is no
+    larger than the part of friction that itself grows with speed. In the fit, friction of each condition has Coulomb,
+    Stribeck, viscous and pressure-dependent parts, none of them negative, and each session has an offset.
     """
     conditions: dict[str, dict[str, list[SlidingBlocks]]] = {}
     for each in evidence:
@@ -87,16 +82,9 @@ def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
             found.append(_fitted(blocks))
     if not found:
         return None
-    speed = float(np.median([each.speed_m_s for each in found]))
-    parts = [(each.square_n / each.speed_m_s**2, each.linear_n / each.speed_m_s, each.friction_n) for each in found]
-    square, linear, friction_n = np.median(parts, axis=0).tolist()
-    return ApparentLoss(square * speed**2, linear * speed, friction_n, speed)
-
-
-def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
-    """Compute ``apparent_loss``; return None if friction's own growth with speed may explain the force."""
-    loss = apparent_loss(evidence)
-    return loss if loss is not None and loss.named else None
+    square, linear, friction_n, speed = np.median(found, axis=0).tolist()
+    loss = ApparentLoss(square * speed**2, linear * speed, friction_n, speed)
+    return loss if loss.square_n + loss.linear_n > LEAST_SHARE * friction_n else None
 
 
 def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> ApparentLoss | None:
@@ -104,8 +92,11 @@ def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> Apparen
     return named_loss([offset_evidence(each, cylinder, OffsetPlan(), math.nan, math.nan, "") for each in labelled])
 
 
-def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
-    """Fit the sessions of one condition by least squares, with Huber's weights and no negative term."""
+def _fitted(sessions: Sequence[SlidingBlocks]) -> tuple[float, float, float, float]:
+    """Fit the sessions of one condition by least squares, with Huber's weights and no negative term.
+
+    Returns the force per squared speed and per speed, and the other numbers of ``ApparentLoss``.
+    """
     blocks, counts = SlidingBlocks.together(sessions), [len(each.stroke) for each in sessions]
     session = np.repeat(np.arange(len(sessions)), counts)
     direction, speed = blocks.direction, np.abs(blocks.columns["velocity_m_s"])
@@ -122,7 +113,7 @@ def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
         fits.append((float(np.abs(fit.residuals).sum()), *fit.coefficients[-2:].tolist()))
     _, linear_n, square_n = min(fits)
     friction_n = float(np.mean(np.abs(against_n - square_n * part**2)))
-    return ApparentLoss(square_n, linear_n, friction_n, highest)
+    return square_n / highest**2, linear_n / highest, friction_n, highest
 
 
 def not_negative(design: Array, target: Array, free: int) -> Array:

@@ -84,11 +84,9 @@ def friction_label(
             f"recording has {DRIVE_FORCE} and no pressures; set label.stiffness to none or, for a real spring, external"
         )
     if stiffness.mode == "trapped_oil":
-        oil_force = -trapped_oil_stiffness(cylinder, stiffness) * (position_m - stiffness.reference_m)
-        return oil_force - inertia - load_force_n
+        force_n = -trapped_oil_stiffness(cylinder, stiffness) * (position_m - stiffness.reference_m)
     if stiffness.mode == "external":
-        spring = stiffness.external_stiffness_n_m * (position_m - stiffness.reference_m)
-        return force_n - spring - inertia - load_force_n
+        force_n = force_n - stiffness.external_stiffness_n_m * (position_m - stiffness.reference_m)
     if stiffness.mode == "paper_literal":
         spring = paper_stiffness(position_m, cylinder, stiffness) * position_m
         direction = last_direction(signals.velocity_m_s)
