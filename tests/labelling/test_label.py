@@ -59,7 +59,7 @@ def test_friction_comes_out_of_a_cylinder_that_carries_something(cylinder: Cylin
     assert np.abs(labelled.column("load_force_n") - boom_load(motion()[0]))[labelled.usable()].max() < 20.0
     assert "friction_uncertainty_n" not in labelled.table.columns
     assert found.load is not None
-    unknown = recording.column("position_m") < found.load.coverage.range_m[0]
+    unknown = recording.column("position_m") < found.load.range_m[0]
     assert unknown.any()
     assert not labelled.usable()[unknown].any(), "the load is not known there"
     measured = boom_recording(cylinder, pressures, load_force_n=boom_load(motion()[0]))

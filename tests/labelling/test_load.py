@@ -10,14 +10,14 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.load import LoadPlan, identify_load
 from cylinder_friction.labelling.pooled_load import POOLED_PLACES, pooled_load
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
-from cylinder_friction.labelling.strokes import TravelCovered
+from cylinder_friction.labelling.strokes import BINS
 from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 
 
 def test_load_and_friction_of_a_boom_are_found() -> None:
     found = identify_load(boom_points(), LoadPlan())
-    grid = np.linspace(*found.coverage.range_m, 40)
+    grid = np.linspace(*found.range_m, 40)
     assert np.abs(found.load_n(grid) - boom_load(grid)).max() < 15.0
     assert found.coulomb_n == pytest.approx(400.0, rel=0.02)
     assert found.coulomb_interval_n[0] < 400.0 < found.coulomb_interval_n[1]
@@ -32,7 +32,7 @@ def test_scatter_covers_the_error_as_often_as_it_says() -> None:
     inside = []
     for seed in range(20):
         found = identify_load(boom_points(seed), LoadPlan(asymmetry=0.0))
-        grid = np.linspace(*found.coverage.range_m, 30)
+        grid = np.linspace(*found.range_m, 30)
         inside.append(np.abs(found.load_n(grid) - boom_load(grid)) < 2.0 * found.uncertainty_n(grid))
     assert 0.80 < np.mean(inside) <= 1.0
     assert np.mean(inside) < 1.0
@@ -41,7 +41,7 @@ def test_scatter_covers_the_error_as_often_as_it_says() -> None:
 @pytest.mark.parametrize("asymmetry_n", [-40.0, 60.0])
 def test_a_constant_asymmetry_goes_into_the_load_and_is_within_its_uncertainty(asymmetry_n: float) -> None:
     found = identify_load(boom_points(asymmetry_n=asymmetry_n), LoadPlan())
-    grid = np.linspace(*found.coverage.range_m, 40)
+    grid = np.linspace(*found.range_m, 40)
     error = found.load_n(grid) - boom_load(grid)
     assert error.mean() == pytest.approx(-asymmetry_n, abs=5.0)
     assert (np.abs(error) < 2.0 * found.uncertainty_n(grid)).all()
@@ -60,7 +60,7 @@ def test_the_load_as_stated_is_uncertain_by_the_zeros_that_it_absorbed(
         about = replace(recording.metadata, uncertainty=stated)
         words = found.sentence(replace(recording, metadata=about), cylinder)
         half_n.append(float(words.split("± ")[1].split(" N")[0]))
-    grid = np.linspace(*found.coverage.range_m, 40)
+    grid = np.linspace(*found.range_m, 40)
     assert half_n[0] < np.abs(found.load_n(grid) - boom_load(grid)).max() < half_n[1]
 
 
@@ -75,13 +75,13 @@ def test_the_load_of_several_sessions_is_their_mean_and_as_uncertain_as_one_more
     assert np.abs(pooled.at(positions_m) - mean_n).max() < 0.5  # what straight lines between the places leave
     assert pooled.uncertainty_n.min() > max(each.asymmetry_n for each in sessions)
     assert pooled_load(sessions[:1]).uncertainty_n == pytest.approx(
-        sessions[0].uncertainty_n(np.linspace(*sessions[0].coverage.range_m, POOLED_PLACES))
+        sessions[0].uncertainty_n(np.linspace(*sessions[0].range_m, POOLED_PLACES))
     )
 
 
 def test_sessions_that_share_no_position_have_no_common_load() -> None:
     one = identify_load(boom_points(), LoadPlan())
-    far = replace(one, coverage=TravelCovered(((0.3, 0.4),)))
+    far = replace(one, range_m=(0.3, 0.4))
     with pytest.raises(RecordingError, match=r"share no position: one is known from 0\.3 m on"):
         pooled_load([one, far])
     with pytest.raises(RecordingError, match="got no session"):
@@ -93,7 +93,7 @@ def test_outliers_count_little() -> None:
     force_n = points.force_n.copy()
     force_n[::40] += 5000.0
     found = identify_load(replace(points, force_n=force_n), LoadPlan())
-    grid = np.linspace(*found.coverage.range_m, 40)
+    grid = np.linspace(*found.range_m, 40)
     assert np.abs(found.load_n(grid) - boom_load(grid)).max() < 60.0
 
 
@@ -101,11 +101,11 @@ def test_only_positions_of_both_directions_are_covered() -> None:
     points = boom_points()
     up_only = (points.velocity_m_s < 0.0) & (points.position_m > 0.16)
     found = identify_load(points.where(~up_only), LoadPlan())
-    assert found.coverage.holds(np.array([0.10, 0.15])).all()
-    assert not found.coverage.holds(np.array([0.17, 0.19])).any()
-    assert sum(last - first for first, last in found.coverage.stretches_m) == pytest.approx(0.115, abs=0.01)
+    assert found.coverage.holds(np.array([[0.10], [0.15]])).all()
+    assert not found.coverage.holds(np.array([[0.17], [0.19]])).any()
+    assert len(found.coverage.known) / BINS * np.ptp(found.coverage.travel_m) == pytest.approx(0.115, abs=0.01)
     # Beyond the coverage the load is that of its end, never an extrapolated polynomial.
-    assert found.load_n(np.array([0.24])) == found.load_n(np.array([found.coverage.range_m[1]]))
+    assert found.load_n(np.array([0.24])) == found.load_n(np.array([found.range_m[1]]))
 
 
 def test_strokes_that_determine_no_load_are_refused() -> None:

@@ -87,6 +87,6 @@ def test_mass_and_load_are_found_beside_each_other() -> None:
     found = identify_session([strokes], [motion_points(*motion, STEP_S)], 6.0, plan)
     assert found.moving_mass_kg == pytest.approx(95.0, rel=0.03)
     assert found.load is not None
-    grid = np.linspace(*found.load.coverage.range_m, 20)
+    grid = np.linspace(*found.load.range_m, 20)
     # The offset of -3 N is a load to all appearances.
     assert np.abs(found.load.load_n(grid) - (1997.0 + 3000.0 * grid)).max() < 15.0

@@ -10,7 +10,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import hash_of, read_json, write_json
 from cylinder_friction.labelling.load import LoadIdentification
-from cylinder_friction.labelling.strokes import TravelCovered
+from cylinder_friction.labelling.strokes import BINS, Covered
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.recordings.storage import read_stored, write_recording
 from cylinder_friction.run_record import RunRecord
@@ -137,8 +137,8 @@ def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workpla
 def write_loads(spread_n: float) -> None:
     """Write what stage ``label`` would of loads by position: 300 N in the first session, more in each further one."""
     names = sorted({each.metadata.session for each in read_stored(LABELLED_FOLDER)})
-    covered, interval = TravelCovered(((0.02, 0.2),)), (0.0, 0.0)
-    load = LoadIdentification((0.0,), covered, (3.0,) * 51, 4.0, 4.0, interval, interval, 9, 9)
+    covered, interval = Covered((0.02, 0.2), 1.0, (), (), tuple(range(BINS))), (0.0, 0.0)
+    load = LoadIdentification((0.0,), (0.02, 0.2), covered, (3.0,) * 51, 4.0, 4.0, interval, interval, 9, 9)
     loads = {name: replace(load, coefficients_n=(300.0 + spread_n * at,)) for at, name in enumerate(names)}
     write_json(IDENTIFIED_FILE, {name: {"load": asdict(each)} for name, each in loads.items()})
 

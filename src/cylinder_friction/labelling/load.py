@@ -24,7 +24,7 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.robust import RobustFit, clustered_covariance, clustered_half_widths, robust_fit
 from cylinder_friction.labelling.sliding_blocks import zero_uncertainty_n
-from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, TravelCovered, coverage_of, others_covered
+from cylinder_friction.labelling.strokes import Covered, StrokePoints, covered
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, POSITION
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -90,9 +90,9 @@ class LoadIdentification:
     in newtons. Outside ``coverage`` the load is unknown.
     """
 
-    # Coefficients of Legendre polynomials in position, scaled so that ``range_m`` is -1 to 1 [N]
-    coefficients_n: tuple[float, ...]
-    coverage: TravelCovered  # Positions with strokes in both directions; elsewhere the load is unknown
+    coefficients_n: tuple[float, ...]  # Coefficients of Legendre polynomials in position [N]
+    range_m: tuple[float, float]  # Positions that are -1 and 1 in these polynomials [m]
+    coverage: Covered  # Positions with strokes in both directions; elsewhere the load is unknown
     # Standard uncertainty of the load from the scatter of strokes, at ``GRID`` equidistant positions [N]
     scatter_n: tuple[float, ...]
     asymmetry_n: float  # Standard uncertainty of the load from friction that may differ between the directions [N]
@@ -104,7 +104,6 @@ class LoadIdentification:
     strokes_retract: int
     others: tuple[str, ...] = ()  # Columns of the other positions that the load depends on
     other_order: int = 0  # Greatest order of the polynomial in each of the other positions
-    around: OthersCovered | None = None  # Other positions that strokes of both directions passed; None without others
 
     @property
     def order(self) -> int:
@@ -122,28 +121,26 @@ class LoadIdentification:
         ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one position.
         """
         rows = np.reshape(positions_m, (len(positions_m), -1))
-        shape = _polynomials(rows, self.coverage, self.around, self.order, self.other_order)
+        shape = _polynomials(rows, self.range_m, self.coverage, self.order, self.other_order)
         return np.asarray(shape @ np.array(self.coefficients_n))
 
     def uncertainty_n(self, positions_m: Array) -> Array:
         """Compute the load's standard uncertainty (k = 1) [N], shape ``(n,)``: scatter and asymmetry."""
-        place = _scaled(np.reshape(positions_m, (len(positions_m), -1))[:, 0], self.coverage.range_m)
+        place = _scaled(np.reshape(positions_m, (len(positions_m), -1))[:, 0], self.range_m)
         return np.hypot(np.interp(place, np.linspace(-1.0, 1.0, GRID), np.array(self.scatter_n)), self.asymmetry_n)
 
     def knows(self, positions_m: Array) -> Mask:
         """Mark positions with strokes in both directions, shape ``(n,)``; positions as for ``load_n``."""
-        rows = np.reshape(positions_m, (len(positions_m), -1))
-        known = self.coverage.holds(rows[:, 0])
-        return known if self.around is None else known & self.around.holds(rows)
+        return self.coverage.holds(np.reshape(positions_m, (len(positions_m), -1)))
 
     def sentence(self, recording: Recording, cylinder: Cylinder) -> str:
         """State the result in words. The load has absorbed the zeros of the recording's sensors."""
         zero_n = zero_uncertainty_n(recording, cylinder)
         half_n = math.hypot(self.expanded_n, COVERAGE_FACTOR * (zero_n or 0.0))
-        (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
+        (low_n, high_n), (from_m, to_m) = self.load_range_n, self.range_m
         low, high = f"{low_n:z.0f}", f"{high_n:z.0f}"
         load = f"{low} N" if low == high else f"{low} to {high} N"
-        ranges_m = zip(self.others, () if self.around is None else self.around.ranges_m, strict=True)
+        ranges_m = zip(self.others, self.coverage.ranges_m, strict=True)
         others = [f", {name} from {low:.3g} to {high:.3g} m" for name, (low, high) in ranges_m]
         return (
             f"the load is {load} ± {half_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{''.join(others)}, "
@@ -177,10 +174,8 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
     Raises:
         RecordingError: Strokes of both directions do not overlap, or there are too few points.
     """
-    coverage = coverage_of(points)
-    around = others_covered(points, OTHER_REACH_M) if others else None
-    known = coverage.holds(points.position_m)
-    points = points.where(known if around is None else known & around.holds(_positions(points)))
+    coverage = covered(points, OTHER_REACH_M)
+    range_m, points = coverage.range_m, points.where(coverage.holds(_positions(points)))
     if len(points) < _LEAST_POINTS_PER_COEFFICIENT * 3:
         raise RecordingError(
             f"load and friction cannot be separated: got {counted(len(points), 'point')} of 0.1 s where strokes of "
@@ -189,8 +184,8 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         )
     direction = np.sign(points.velocity_m_s)
     blocks = _blocks(points, direction)
-    order, other_order = _orders(points, coverage, around, blocks)
-    shape = _polynomials(_positions(points), coverage, around, order, other_order)
+    order, other_order = _orders(points, range_m, coverage, blocks)
+    shape = _polynomials(_positions(points), range_m, coverage, order, other_order)
     of_load, linear = shape.shape[1], points.velocity_m_s[:, None]
     square, candidates = linear * np.abs(linear), list[_Candidate]()
     for terms in (linear[:, :0], linear, square, np.hstack([linear, square])):
@@ -212,15 +207,15 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
             if coulomb > 0.0
             else f"{found}, which drives the motion; check the sign of position and of the forces in the mapping"
         )
-    grid, friction_n = np.linspace(*coverage.range_m, GRID), points.force_n - shape @ load
-    along = _polynomials(grid[:, None] if around is None else around.middles_m, coverage, around, order, other_order)
+    grid, friction_n = np.linspace(*range_m, GRID), points.force_n - shape @ load
+    along = _polynomials(coverage.middles_m if others else grid[:, None], range_m, coverage, order, other_order)
     covariance = clustered_covariance(chosen.design, chosen.fit, blocks)[:of_load, :of_load]
     scatter_n = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, covariance, along), 0.0))
-    if around is None:
+    if not others:
         others_n = [each.fit.coefficients[:of_load] for each in candidates if _ALIKE * each.error_n < chosen.error_n]
         off_n = max((np.abs(along @ (each - load)) for each in others_n), key=np.max, default=0.0)
         scatter_n = np.hypot(scatter_n, RECTANGULAR * off_n)
-        loads_n = (along @ load)[coverage.holds(grid)]
+        loads_n = (along @ load)[coverage.holds(grid[:, None])]
     else:
         sure = scatter_n < MOST_SCATTER * coulomb
         if not sure.any():
@@ -230,10 +225,11 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
                 "other cylinders at rest"
             )
         loads_n = along[sure] @ load
-        scatter_n = _worst_along(grid, around.middles_m[sure, 0], scatter_n[sure])
-        around = replace(around, known=tuple(np.array(around.known)[sure].tolist()))
+        scatter_n = _worst_along(grid, coverage.middles_m[sure, 0], scatter_n[sure])
+        coverage = replace(coverage, known=tuple(np.array(coverage.known)[sure].tolist()))
     return LoadIdentification(
         coefficients_n=tuple(load.tolist()),
+        range_m=range_m,
         coverage=coverage,
         scatter_n=tuple(scatter_n.tolist()),
         asymmetry_n=plan.asymmetry * max(coulomb, float(np.mean(np.abs(friction_n)))),
@@ -244,7 +240,6 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         strokes_retract=len(np.unique(points.stroke[direction < 0.0])),
         others=others,
         other_order=other_order,
-        around=around,
     )
 
 
@@ -267,12 +262,12 @@ def _scaled(position_m: Array, range_m: tuple[float, float]) -> Array:
 
 
 def _polynomials(
-    positions_m: Array, coverage: TravelCovered, around: OthersCovered | None, order: int, other_order: int
+    positions_m: Array, range_m: tuple[float, float], coverage: Covered, order: int, other_order: int
 ) -> Array:
     """Compute all products of the Legendre polynomials in each position, shape ``(n, products)``."""
-    products = legendre.legvander(_scaled(positions_m[:, 0], coverage.range_m), order)
-    for other_m, range_m in zip(positions_m.T[1:], [] if around is None else around.extents_m, strict=True):
-        along = legendre.legvander(_scaled(other_m, range_m), other_order)
+    products = legendre.legvander(_scaled(positions_m[:, 0], range_m), order)
+    for other_m, extent_m in zip(positions_m.T[1:], coverage.extents_m, strict=True):
+        along = legendre.legvander(_scaled(other_m, extent_m), other_order)
         products = (products[:, :, None] * along[:, None, :]).reshape(len(products), -1)
     return np.asarray(products)
 
@@ -305,15 +300,15 @@ def _blocks(points: StrokePoints, direction: Array) -> NDArray[np.int64]:
     return np.unique(keys, axis=1, return_inverse=True)[1].astype(np.int64).ravel()
 
 
-def _vary_by_themselves(points: StrokePoints, coverage: TravelCovered) -> bool:
+def _vary_by_themselves(points: StrokePoints, range_m: tuple[float, float]) -> bool:
     """Check whether each of the other positions varies independently of the piston's position."""
-    along = legendre.legvander(_scaled(points.position_m, coverage.range_m), _FOLDS)
+    along = legendre.legvander(_scaled(points.position_m, range_m), _FOLDS)
     left_m = points.others_m - along @ np.linalg.lstsq(along, points.others_m, rcond=None)[0]
     return bool((np.sqrt(np.mean(left_m**2, axis=0)) >= LEAST_SPREAD * OTHER_REACH_M).all())
 
 
 def _orders(
-    points: StrokePoints, coverage: TravelCovered, around: OthersCovered | None, blocks: NDArray[np.int64]
+    points: StrokePoints, range_m: tuple[float, float], coverage: Covered, blocks: NDArray[np.int64]
 ) -> tuple[int, int]:
     """Choose the orders of the polynomial in position and in the other positions.
 
@@ -321,7 +316,7 @@ def _orders(
     """
     direction = np.sign(points.velocity_m_s)
     others = points.others_m.shape[1]
-    greatest_other = GREATEST_OTHER_ORDER if others and _vary_by_themselves(points, coverage) else 0
+    greatest_other = GREATEST_OTHER_ORDER if others and _vary_by_themselves(points, range_m) else 0
     greatest = len(points) // _LEAST_POINTS_PER_COEFFICIENT - 2
     sizes = {
         (order, other_order): (order + 1) * (other_order + 1) ** others
@@ -333,7 +328,7 @@ def _orders(
     for orders in sorted(sizes, key=lambda each: (sizes[each], each)):
         if sizes[orders] > max(greatest, 0) + 1:
             break
-        shape = _polynomials(_positions(points), coverage, around, *orders)
+        shape = _polynomials(_positions(points), range_m, coverage, *orders)
         design = np.column_stack([shape, direction, points.velocity_m_s])
         total = 0.0
         for each in range(_FOLDS):

@@ -31,7 +31,7 @@ def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
         raise RecordingError("a load that depends on position cannot be pooled: got no session; expected at least one")
     if sessions[0].others:
         return _pooled_over_several(sessions)
-    firsts, lasts = zip(*(each.coverage.range_m for each in sessions), strict=True)
+    firsts, lasts = zip(*(each.range_m for each in sessions), strict=True)
     first_m, last_m = max(firsts), min(lasts)
     if not first_m < last_m:
         raise RecordingError(
@@ -67,7 +67,7 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
 
 def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad:
     """Average loads of several positions; at each place, over the sessions that know the load there."""
-    ranges_m = [(each.coverage.range_m, *(each.around.ranges_m if each.around else ())) for each in sessions]
+    ranges_m = [(each.range_m, *each.coverage.ranges_m) for each in sessions]
     axes = []
     for number, column in enumerate(sessions[0].columns):
         first_m, last_m = min(own[number][0] for own in ranges_m), max(own[number][1] for own in ranges_m)

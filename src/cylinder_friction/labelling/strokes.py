@@ -1,11 +1,12 @@
 """Strokes in one direction, long enough for friction to settle, and the travel that they cover."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask, true_runs
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.averages import Averages
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.motion import direction_of_motion, stroke_pieces
@@ -15,6 +16,7 @@ POINT_DURATION_S = 0.1
 
 BINS = 100
 CELLS_PER_REACH = 2
+_EDGE_M = 1e-9
 LEAST_SHARE = 0.1
 """Least share of the travel of all strokes that both directions must cover."""
 
@@ -30,25 +32,6 @@ class StrokePoints(Averages):
     last_m: Array
     others_m: Array  # Mean of each of the other positions that the load depends on, shape ``(points, others)`` [m]
     stroke: NDArray[np.int64]  # Number of the piece's stroke, counted from 0
-
-
-@dataclass(frozen=True)
-class TravelCovered:
-    """Sections of the travel that strokes of both directions passed through."""
-
-    stretches_m: tuple[tuple[float, float], ...]  # Disjoint pairs of first and last position, ascending [m]
-
-    @property
-    def range_m(self) -> tuple[float, float]:
-        """First and last position of all sections [m]."""
-        return self.stretches_m[0][0], self.stretches_m[-1][1]
-
-    def holds(self, position_m: Array) -> Mask:
-        """Mark the positions that lie in one of the sections, in the shape of ``position_m``."""
-        inside = np.zeros(np.shape(position_m), dtype=np.bool_)
-        for first, last in self.stretches_m:
-            inside |= (position_m >= first) & (position_m <= last)
-        return inside
 
 
 def stroke_points(
@@ -86,40 +69,11 @@ def stroke_points(
     )
 
 
-def coverage_of(points: StrokePoints) -> TravelCovered:
-    """Find the travel with strokes in both directions.
-
-    Raises:
-        RecordingError: One of the directions has no stroke, or the directions have hardly any travel in common.
-    """
-    spans = {}
-    for name, sign in (("extend", 1.0), ("retract", -1.0)):
-        own = points.where(points.velocity_m_s * sign > 0.0)
-        if not len(own):
-            raise RecordingError(
-                f"load and friction cannot be separated: got no stroke that {name}s; expected strokes of both "
-                "directions over the same travel; record slow strokes up and down, or measure the load"
-            )
-        spans[name] = np.minimum(own.first_m, own.last_m), np.maximum(own.first_m, own.last_m)
-    low = float(min(firsts.min() for firsts, _ in spans.values()))
-    high = float(max(lasts.max() for _, lasts in spans.values()))
-    both = np.logical_and(*(_visited(*span, low, high) for span in spans.values()))
-    if both.sum() < LEAST_SHARE * BINS:
-        extend, retract = (f"{firsts.min():.4g} to {lasts.max():.4g} m" for firsts, lasts in spans.values())
-        raise RecordingError(
-            f"load and friction cannot be separated: strokes that extend cover {extend} and strokes that retract "
-            f"{retract}, with {both.sum()} % of the travel in common; expected at least {100 * LEAST_SHARE:.0f} %; "
-            "record slow strokes up and down over the same travel, or measure the load"
-        )
-    edges = np.linspace(low, high, BINS + 1)
-    return TravelCovered(tuple((float(edges[first]), float(edges[end])) for first, end in true_runs(both)))
-
-
 @dataclass(frozen=True)
-class OthersCovered:
-    """Values of the other positions at which strokes of both directions passed each section of the travel."""
+class Covered:
+    """Sections of the travel that strokes of both directions passed, with other positions at about the same values."""
 
-    range_m: tuple[float, float]  # The travel, in ``BINS`` sections [m]
+    travel_m: tuple[float, float]  # The travel, in ``BINS`` sections [m]
     cell_m: float  # Width of a cell of another position [m]
     # Start of the first cell of each other position [m], and number of its cells
     first_m: tuple[float, ...]
@@ -130,15 +84,26 @@ class OthersCovered:
         """Mark positions, shape ``(n, 1 + others)``, at which strokes of both directions passed, ``(n,)``."""
         cells = np.floor((positions_m[:, 1:] - self.first_m) / self.cell_m).astype(np.int64)
         inside = ((cells >= 0) & (cells < self.counts)).all(axis=1)
-        section = _sections(positions_m[:, 0], self.range_m)
-        place = np.column_stack([section, np.clip(cells, 0, np.array(self.counts) - 1)])
-        return np.asarray(inside & np.isin(np.ravel_multi_index(tuple(place.T), (BINS, *self.counts)), self.known))
+        cells, (low_m, high_m) = np.clip(cells, 0, np.array(self.counts) - 1), self.travel_m
+        held = np.zeros(len(positions_m), dtype=np.bool_)
+        for off_m in (_EDGE_M, -_EDGE_M):  # A position between two sections is in both
+            section = _sections(positions_m[:, 0] + off_m, self.travel_m)
+            held |= np.isin(np.ravel_multi_index((section, *cells.T), (BINS, *self.counts)), self.known)
+        return np.asarray(
+            inside & held & (positions_m[:, 0] >= low_m - _EDGE_M) & (positions_m[:, 0] <= high_m + _EDGE_M)
+        )
+
+    @property
+    def range_m(self) -> tuple[float, float]:
+        """First and last position of all known sections [m]."""
+        section, edges_m = np.array(self.known) // math.prod(self.counts), np.linspace(*self.travel_m, BINS + 1)
+        return float(edges_m[section.min()]), float(edges_m[section.max() + 1])
 
     @property
     def middles_m(self) -> Array:
         """The middle of each known cell, shape ``(cells, 1 + others)``."""
         section, *cells = np.unravel_index(np.array(self.known), (BINS, *self.counts))
-        along = self.range_m[0] + (section + 0.5) / BINS * (self.range_m[1] - self.range_m[0])
+        along = self.travel_m[0] + (section + 0.5) / BINS * (self.travel_m[1] - self.travel_m[0])
         others = [first + self.cell_m * (own + 0.5) for first, own in zip(self.first_m, cells, strict=True)]
         return np.column_stack([along, *others])
 
@@ -155,42 +120,51 @@ class OthersCovered:
         return [(float(own.min() - half_m), float(own.max() + half_m)) for own in others_m.T]
 
 
-def _sections(position_m: Array, range_m: tuple[float, float]) -> NDArray[np.int64]:
-    share = (np.asarray(position_m) - range_m[0]) / (range_m[1] - range_m[0])
+def _sections(position_m: Array, travel_m: tuple[float, float]) -> NDArray[np.int64]:
+    share = (np.asarray(position_m) - travel_m[0]) / max(travel_m[1] - travel_m[0], 1e-12)
     return np.clip(BINS * share, 0, BINS - 1).astype(np.int64)
 
 
-def others_covered(points: StrokePoints, reach_m: float) -> OthersCovered:
-    """Find the other positions within ``reach_m`` of those at which strokes of both directions passed.
+def covered(points: StrokePoints, reach_m: float) -> Covered:
+    """Find the travel with strokes in both directions, and the other positions within ``reach_m`` of those strokes.
 
     Raises:
-        RecordingError: Strokes of both directions never passed with the other positions within ``2 * reach_m``.
+        RecordingError: One of the directions has no stroke, the directions have hardly any travel in common, or they
+            never passed with the other positions within ``2 * reach_m``.
     """
+    extending = points.velocity_m_s > 0.0
+    for name, own in (("extend", extending), ("retract", ~extending)):
+        if not own.any():
+            raise RecordingError(
+                f"load and friction cannot be separated: got no stroke that {name}s; expected strokes of both "
+                "directions over the same travel; record slow strokes up and down, or measure the load"
+            )
     cell_m = reach_m / CELLS_PER_REACH
     first_m = points.others_m.min(axis=0) - reach_m
     cells = np.floor((points.others_m - first_m) / cell_m).astype(np.int64)
     counts = tuple(int(each) for each in cells.max(axis=0) + CELLS_PER_REACH + 1)
     ends_m = np.stack([points.first_m, points.last_m])
-    range_m = float(ends_m.min()), float(ends_m.max())
-    begins, ends = (_sections(each, range_m) for each in (ends_m.min(axis=0), ends_m.max(axis=0)))
+    travel_m = float(ends_m.min()), float(ends_m.max())
+    begins, ends = (_sections(each, travel_m) for each in (ends_m.min(axis=0), ends_m.max(axis=0)))
     piece = np.repeat(np.arange(len(points)), ends - begins + 1)
     section = np.arange(len(piece)) - np.repeat(np.cumsum(ends - begins + 1) - (ends + 1), ends - begins + 1)
-    passed = np.zeros((2, BINS, *counts), dtype=np.bool_)
-    way = (points.velocity_m_s > 0.0).astype(np.int64)[piece]
+    passed, way = np.zeros((2, BINS, *counts), dtype=np.bool_), extending.astype(np.int64)[piece]
     for off in np.ndindex(*(2 * CELLS_PER_REACH + 1,) * len(counts)):
         passed[(way, section, *(cells[piece] + off - CELLS_PER_REACH).T)] = True
+    both = passed.any(axis=tuple(range(2, passed.ndim))).all(axis=0)
+    if both.sum() < LEAST_SHARE * BINS:
+        extend, retract = (
+            f"{ends_m[:, way].min():.4g} to {ends_m[:, way].max():.4g} m" for way in (extending, ~extending)
+        )
+        raise RecordingError(
+            f"load and friction cannot be separated: strokes that extend cover {extend} and strokes that retract "
+            f"{retract}, with {both.sum()} % of the travel in common; expected at least {100 * LEAST_SHARE:.0f} %; "
+            "record slow strokes up and down over the same travel, or measure the load"
+        )
     known = np.flatnonzero(passed.all(axis=0))
     if not len(known):
         raise RecordingError(
             "load and friction cannot be separated: nowhere did strokes of both directions pass with the other "
             f"positions within {1e3 * reach_m:g} mm; record slow strokes up and down with the other cylinders at rest"
         )
-    return OthersCovered(range_m, cell_m, tuple(map(float, first_m)), counts, tuple(known.tolist()))
-
-
-def _visited(firsts_m: Array, lasts_m: Array, low: float, high: float) -> Mask:
-    """Mark the bins between ``low`` and ``high`` that a piece touches, shape ``(BINS,)``."""
-    scale = BINS / (high - low) if high > low else 0.0
-    first, last = (np.clip(((ends - low) * scale).astype(np.int64), 0, BINS - 1) for ends in (firsts_m, lasts_m))
-    change = np.bincount(first, minlength=BINS + 1) - np.bincount(last + 1, minlength=BINS + 1)
-    return np.asarray(np.cumsum(change[:BINS]) > 0)
+    return Covered(travel_m, cell_m, tuple(map(float, first_m)), counts, tuple(known.tolist()))
