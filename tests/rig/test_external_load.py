@@ -41,7 +41,7 @@ def test_varied_loads_keep_to_three_kilonewtons_and_change(seed: int, seconds: f
 def test_no_load_and_a_load_of_zero_are_the_same_to_the_bit(rigs: dict[str, RigParameters]) -> None:
     lever, start = np.full(2010, 0.5), balanced_state(rigs["2"], 0.1, 8e5, 35.0)
     without = simulate(rigs["2"], lever, start, 2.0)
-    with_zero = simulate(rigs["2"], lever, start, 2.0, external_force=np.zeros(len(lever)))
+    with_zero = simulate(rigs["2"], lever, start, 2.0, external_force=ExternalLoad.of_time(np.zeros(len(lever))))
     pd.testing.assert_frame_equal(without, with_zero, check_exact=True)
     assert (without["load_force_n"] == 0.0).all()
 
@@ -50,7 +50,7 @@ def test_no_load_and_a_load_of_zero_are_the_same_to_the_bit(rigs: dict[str, RigP
 def test_a_balanced_start_carries_the_load_at_rest(rigs: dict[str, RigParameters], load_n: float) -> None:
     rig = replace(rigs["1"], hydraulics=replace(rigs["1"].hydraulics, leakage_m3_s_pa=0.0))
     start = balanced_state(rig, 0.1, 8e5, 35.0, load_n)
-    trace = simulate(rig, np.zeros(3002), start, 3.0, external_force=np.full(3002, load_n))
+    trace = simulate(rig, np.zeros(3002), start, 3.0, external_force=ExternalLoad.of_time(np.full(3002, load_n)))
     assert min(start.pressure_1_pa, start.pressure_2_pa) >= 2e5 - 1e-6
     assert (trace["position_m"] - 0.1).abs().max() < 1e-9
     assert trace["friction_n"].abs().max() < 1e-3
@@ -60,8 +60,8 @@ def test_anti_cavitation_valves_keep_a_pulling_load_from_a_vacuum(rigs: dict[str
     bare = rigs["1"]
     fitted = replace(bare, hydraulics=replace(bare.hydraulics, makeup_gain=2e-6))
     time_s = 0.001 * np.arange(2010)
-    lever, pull_n = np.clip((time_s - 0.1) / 0.2, 0.0, 1.0), np.full(2010, -2800.0)
+    lever, pull = np.clip((time_s - 0.1) / 0.2, 0.0, 1.0), ExternalLoad.of_time(np.full(2010, -2800.0))
     start = balanced_state(bare, 0.05, 8e5, 35.0, -2800.0)
-    lowest = [simulate(rig, lever, start, 2.0, external_force=pull_n)["pressure_1_pa"].min() for rig in (bare, fitted)]
+    lowest = [simulate(rig, lever, start, 2.0, external_force=pull)["pressure_1_pa"].min() for rig in (bare, fitted)]
     assert lowest[1] > -0.7e5
     assert lowest[1] > lowest[0] + 0.1e5

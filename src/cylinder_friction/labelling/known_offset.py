@@ -41,7 +41,7 @@ LEAST_IN_CONDITION = 3
 """Least number of sessions of a condition for identifying their deviations from the mean."""
 ODD_SHARE = 0.1
 """Largest share of uneven sessions that may be left out; if more are uneven, friction or zeros are the cause."""
-RARE = 0.02
+RARE = 0.05
 """Probability of larger deviations between sessions, if zeros are as stated, below which their intervals widen."""
 NINE_OF_TEN = 0.64
 """Share of its expanded uncertainty that an error exceeds in one of ten rows, on the side of a constant error."""

@@ -66,7 +66,7 @@ def simulate(
     duration_s: float,
     drift: Array | None = None,
     time_step_s: float = DEFAULT_STEP_S,
-    external_force: ExternalLoad | Array | None = None,
+    external_force: ExternalLoad | None = None,
 ) -> pd.DataFrame:
     """Simulate the rig; the trace has one row each millisecond and the columns ``TRACE_COLUMNS``.
 
@@ -77,8 +77,7 @@ def simulate(
         duration_s: Duration [s].
         drift: Slow factor on Coulomb friction, one value per second; None means 1 throughout.
         time_step_s: Step of the integration [s]; must divide one millisecond.
-        external_force: Load on the rod, positive if it resists extension: a load of time and position, or one value
-            per millisecond [N]. None means no load.
+        external_force: Load on the rod, positive if it resists extension. None means no load.
 
     Raises:
         ValueError: Two times do not fit together, the lever or the load is too short, or the state is no longer finite.
@@ -92,7 +91,11 @@ def simulate(
     script = np.asarray(cycle.remnant, dtype=np.float64)
     if len(script) < ticks:
         raise ValueError(f"lever: got {len(script)} values, but {duration_s} s need {ticks}, one each millisecond")
-    load = _load(external_force, ticks, duration_s)
+    load = external_force or ExternalLoad.of_time(np.zeros(ticks))
+    if len(load.force_n) < ticks:
+        raise ValueError(
+            f"external_force: got {len(load.force_n)} values, but {duration_s} s need {ticks}, one each millisecond"
+        )
     trace = np.empty((rows, len(TRACE_COLUMNS)))
     compiled_run()(
         friction_constants(rig.friction),
@@ -100,7 +103,7 @@ def simulate(
         script,
         np.asarray(cycle.actions, dtype=np.float64),
         np.asarray(drift, dtype=np.float64),
-        load,
+        tuple(np.ascontiguousarray(part, dtype=np.float64) for part in (load.force_n, load.share, load.along_n)),
         astuple(start),
         (time_step_s, tick_steps),
         trace,
@@ -110,21 +113,6 @@ def simulate(
             f"the simulation ceased to be finite; time_step_s of {time_step_s} s is too long, make it smaller"
         )
     return pd.DataFrame(trace, columns=list(TRACE_COLUMNS))
-
-
-def _load(external_force: ExternalLoad | Array | None, ticks: int, duration_s: float) -> tuple[Array, Array, Array]:
-    """Compute the load's force, share and places as compiled code takes them."""
-    if external_force is None:
-        return np.zeros(2), np.zeros(2), np.zeros(2)
-    load = external_force if isinstance(external_force, ExternalLoad) else ExternalLoad.of_time(external_force)
-    if len(load.force_n) < ticks:
-        raise ValueError(
-            f"external_force: got {len(load.force_n)} values, but {duration_s} s need {ticks}, one each millisecond"
-        )
-    force_n, share, along_n = (
-        np.ascontiguousarray(part, dtype=np.float64) for part in (load.force_n, load.share, load.along_n)
-    )
-    return force_n, share, along_n
 
 
 def _whole(long: float, short: float, long_name: str, short_name: str) -> int:
