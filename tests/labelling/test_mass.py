@@ -38,17 +38,23 @@ def identified(mass_kg: float, noise_n: float, **how: float) -> MotionIdentifica
     return identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S))
 
 
-def test_the_mass_is_found() -> None:
+def test_mass_and_friction_are_found() -> None:
     found = identified(95.0, 1.0)
     assert found.mass_kg == pytest.approx(95.0, rel=0.01)
+    assert found.viscous_n_s_m == pytest.approx(200.0, rel=0.03)
+    assert found.coulomb_n == pytest.approx(20.0, rel=0.03)
+    assert found.offset_n == pytest.approx(-3.0, abs=0.3)
     assert found.mass_known
     assert found.sentence().startswith("the moving mass was identified as 9")
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    found = [identified(95.0, 10.0, seed=seed).mass_interval_kg for seed in range(40)]
-    assert np.mean([low <= 95.0 <= high for low, high in found]) >= 0.85
-    assert np.mean([high - low for low, high in found]) < 20.0
+    truth = {"mass_interval_kg": 95.0, "viscous_interval_n_s_m": 200.0, "coulomb_interval_n": 20.0}
+    found = [identified(95.0, 10.0, seed=seed) for seed in range(40)]
+    for name, value in truth.items():
+        hits = [low <= value <= high for low, high in (getattr(each, name) for each in found)]
+        assert np.mean(hits) >= 0.85, name
+    assert np.mean([high - low for low, high in (each.mass_interval_kg for each in found)]) < 20.0
 
 
 def test_standstill_does_not_count() -> None:
@@ -59,7 +65,7 @@ def test_standstill_does_not_count() -> None:
     position_m = np.concatenate([position_m, np.full(rest, position_m[-1])])
     velocity, acceleration = np.append(velocity, np.zeros(rest)), np.append(acceleration, np.zeros(rest))
     found = identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S))
-    assert found.mass_kg == pytest.approx(95.0, rel=0.01)
+    assert found.coulomb_n == pytest.approx(20.0, rel=0.05)
 
 
 def test_too_little_motion_is_refused() -> None:

@@ -45,10 +45,18 @@ class MotionPoints(Averages):
 
 @dataclass(frozen=True)
 class MotionIdentification:
-    """The moving mass from the regression, with its confidence interval."""
+    """Coefficients of the regression, each with its confidence interval in the same unit."""
 
     mass_kg: float  # Moving mass, m [kg]
     mass_interval_kg: tuple[float, float]  # Interval of the mass [kg]
+    viscous_n_s_m: float  # Viscous friction, s_2 [N s/m]
+    viscous_interval_n_s_m: tuple[float, float]  # Interval of viscous friction [N s/m]
+    coulomb_n: float  # Coulomb friction, F_C [N]
+    coulomb_interval_n: tuple[float, float]  # Interval of Coulomb friction [N]
+    # Constant force, F_0 [N]: a sensor's offset, a difference of friction between the directions, or the mean of a load
+    # identified at the same time
+    offset_n: float
+    offset_interval_n: tuple[float, float]  # Interval of the constant force [N]
     residual_n: float  # Root mean square residual of the blocks [N]
     blocks: int  # Number of blocks in the regression
     confidence: float  # Probability of the intervals
@@ -104,9 +112,9 @@ def motion_points(
 
 
 def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: int = 0) -> MotionIdentification:
-    """Identify the moving mass of one session, beside viscous and Coulomb friction and a constant force.
+    """Identify mass, viscous friction, Coulomb friction and offset of one session, with their intervals.
 
-    A polynomial in position of ``load_order`` represents an unknown load, including that constant.
+    A polynomial in position of ``load_order`` represents an unknown load; its constant is the offset.
 
     Raises:
         RecordingError: There are too few blocks in motion.
@@ -121,10 +129,10 @@ def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: 
     motion = np.column_stack([points.acceleration_m_s2, points.velocity_m_s, points.direction])
     design = np.hstack([motion, legendre.legvander(along, load_order)])
     fit = robust_fit(design, points.force_n, _OUTLIER_MULTIPLE)
-    mass_kg, half_kg = (
-        float(fit.coefficients[0]),
-        float(clustered_half_widths(design, fit, points.cluster, confidence)[0]),
+    half = clustered_half_widths(design, fit, points.cluster, confidence)
+    mass, viscous, coulomb, offset = (
+        (float(value), (float(value - width), float(value + width)))
+        for value, width in zip(fit.coefficients[:4], half[:4], strict=True)
     )
     residual_n = float(np.sqrt(np.mean(fit.residuals**2)))
-    interval_kg = mass_kg - half_kg, mass_kg + half_kg
-    return MotionIdentification(mass_kg, interval_kg, residual_n, len(points), confidence)
+    return MotionIdentification(*mass, *viscous, *coulomb, *offset, residual_n, len(points), confidence)
