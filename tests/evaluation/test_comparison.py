@@ -101,7 +101,7 @@ def test_the_papers_force_balance_equals_the_label_of_the_papers_filter(cylinder
         for each in labelled_recordings[:4]
     ]
     smooth = MovingAverage(window)
-    labelled = [Labeller(cylinder).label(filtered(each, smooth), smooth) for each in raw]
+    labelled = [Labeller(cylinder).labelled(filtered(each, smooth), smooth) for each in raw]
     estimators = baselines(cylinder)
     comparison = compare({name: each.fit(labelled) for name, each in estimators.items()}, labelled)
     assert comparison.equal_to_label == equal

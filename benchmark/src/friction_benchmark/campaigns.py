@@ -147,7 +147,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))
         yield LabelledRecording(
-            labeller.label(filtered(raw, signal_filter), signal_filter),
+            labeller.labelled(filtered(raw, signal_filter), signal_filter),
             truth["friction_n"].to_numpy()[rows],
             load_n[rows],
         )

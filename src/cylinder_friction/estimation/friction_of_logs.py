@@ -129,7 +129,7 @@ class RecordingFriction:
         recording: Recording = each.result
         estimator, of_session = self.estimator, None if identified is None else identified.load
         try:
-            labelled = self.labeller.label(filtered(recording, self.filter), self.filter, identified)
+            labelled = self.labeller.labelled(filtered(recording, self.filter), self.filter, identified)
             if estimator is not None:
                 if of_session is not None and estimator.position_load is not None:
                     estimator = estimator.with_position_load(pooled_load([of_session]))

@@ -49,7 +49,7 @@ ONLY_FOR_LABELS = (
     "load_force_smooth_n",
     "acceleration_m_s2",
 )
-"""Columns that only the label uses, and that labelling drops."""
+"""Columns that only the label uses; ``labelled`` drops them."""
 
 NO_STIFFNESS = Stiffness()
 
@@ -127,7 +127,7 @@ class Labeller:
     def label(
         self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
     ) -> Recording:
-        """Add ``friction_n`` and ``usable`` to a recording that ``signal_filter`` has smoothed; drop its other signals.
+        """Add ``friction_n`` and ``usable`` to a recording that ``signal_filter`` has smoothed.
 
         An identified load is added as ``load_force_n``. If the sensors' uncertainty is stated, the recording also gets
         ``friction_uncertainty_n``, which includes smoothing and an identified load. If ``needs_identification``, pass
@@ -149,7 +149,13 @@ class Labeller:
         uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n, left_n)
         if uncertainty_n is not None:
             columns[UNCERTAINTY_COLUMN] = uncertainty_n
-        return recording.without_columns(*ONLY_FOR_LABELS).with_columns(**columns, **balanced)
+        return recording.with_columns(**columns, **balanced)
+
+    def labelled(
+        self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
+    ) -> Recording:
+        """Label a recording and drop the columns that only labelling needs, for storage and training."""
+        return self.label(recording, signal_filter, identified).without_columns(*ONLY_FOR_LABELS)
 
     def audit(
         self,
@@ -255,7 +261,7 @@ def label(
         raise ValueError("label: expected at least one recording, but got none")
     identified = labeller.identify_sessions(by_session(smooth), signal_filter)
     labelled = [
-        labeller.label(recording, signal_filter, identified.get(recording.metadata.session)) for recording in smooth
+        labeller.labelled(recording, signal_filter, identified.get(recording.metadata.session)) for recording in smooth
     ]
     return labelled if known is None else [with_common_load(recording, known) for recording in labelled]
 

@@ -138,7 +138,7 @@ class Labelling:
             Number of rows, of usable rows, and the audit of every filter, or None if the recording has no truth.
         """
         recording = _signals(name)
-        labelled = self.labeller.label(recording, self.filters[self.method], identified)
+        labelled = self.labeller.labelled(recording, self.filters[self.method], identified)
         write_recording(folder, labelled)
         truth = read_truth(Path(self.truth), recording) if self.truth else None
         audit = None if truth is None else Audit(self.event_window_s)
