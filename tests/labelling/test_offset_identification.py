@@ -8,13 +8,14 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
-from cylinder_friction.labelling.sliding_blocks import zero_uncertainty_n
+from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model, offset_model
+from cylinder_friction.labelling.sliding_blocks import SlidingBlocks, zero_uncertainty_n
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
 
 STEP_S, DURATION_S = 0.01, 40.0
 ZERO_PA = 3000.0
 AREAS_M2 = (np.pi * 0.063**2 / 4.0, -np.pi * (0.063**2 - 0.028**2) / 4.0)
+LIFT = Cylinder(bore_diameter_m=0.1, rod_diameter_m=0.07, stroke_m=0.5, moving_mass_kg=430.0)
 CELL = {"load_force_n": SensorUncertainty(5.0, 0.0)}
 PRESSURES = {name: SensorUncertainty(ZERO_PA, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
 
@@ -68,6 +69,23 @@ def campaign(cylinder: Cylinder, count: int = 12, asymmetry_sd: float = 0.0, **e
         )
         for number, (offset_n, level, own) in enumerate(zip(offsets_n, levels, asymmetries, strict=True))
     }
+
+
+def lifting(number: int, bar: float, offset_n: float) -> SlidingBlocks:
+    """Return a session at nearly constant pressures; their noise is in the label and in the pressures."""
+    generator, strokes, blocks = np.random.default_rng(number), 20, 20
+    direction = np.repeat(np.tile([1.0, -1.0], strokes // 2), blocks)
+    speed_m_s = np.repeat(generator.uniform(0.02, 0.2, strokes), blocks)
+    noise_bar = 0.016 * generator.standard_normal((2, strokes * blocks))
+    friction_n = (280.0 + 6.0 * bar) * np.where(direction > 0.0, 0.94, 1.06) + 770.0 * speed_m_s
+    noise_n = 1e5 * (LIFT.piston_area_m2 * noise_bar[0] - LIFT.annulus_area_m2 * noise_bar[1])
+    columns = {name: 1e5 * (bar + own) for name, own in zip(PRESSURES, noise_bar, strict=False)}
+    columns["velocity_m_s"], columns["position_m"] = (
+        direction * speed_m_s,
+        np.tile(np.linspace(0.05, 0.45, blocks), strokes),
+    )
+    label_n = direction * friction_n + offset_n + noise_n
+    return SlidingBlocks(f"s{number}", 104.0, 40.0, label_n, direction, np.repeat(np.arange(strokes), blocks), columns)
 
 
 def errors(model: OffsetModel, recordings: dict[str, Recording]) -> tuple[np.ndarray, np.ndarray]:
@@ -222,3 +240,13 @@ def test_what_cannot_be_identified_is_refused(cylinder: Cylinder) -> None:
         model.identify([recording, other])
     with pytest.raises(RecordingError, match="session 's2': column 'oil_temperature_c' is missing; the offset model"):
         model.identify([other])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_of_pressures_that_hardly_vary_is_no_asymmetry_that_absorbs_the_offsets(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    offsets_n, bars = 104.0 * generator.standard_normal(9), generator.uniform(12.0, 15.0, 9)
+    sessions = [lifting(number, *both) for number, both in enumerate(zip(bars, offsets_n, strict=True))]
+    found = offset_model(sessions, LIFT).about_mean().sessions
+    error_n = np.array([found[each.session].offset_n for each in sessions]) - offsets_n + offsets_n.mean()
+    assert np.std(error_n) < 0.1 * np.std(offsets_n)

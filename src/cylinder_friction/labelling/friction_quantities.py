@@ -45,6 +45,8 @@ class FrictionQuantities:
         quantities = _quantities(blocks, inputs, cylinder)
         deviations, rounding = quantities.std(axis=0), 1e-9 * np.abs(quantities).max(axis=0)
         deviations = np.where(deviations > rounding, deviations, 1.0)
+        if PRESSURE_1 in inputs:  # Of pressures that hardly vary, noise would explain the label, which holds it too
+            deviations[:2] = np.maximum(deviations[:2], quantities[:, :2].mean(axis=0))
         if LOAD_FORCE in inputs:  # A load that hardly varies must explain nothing, or it would absorb the zeros
             place = 3 + 2 * (PRESSURE_1 in inputs)
             deviations[place : place + 2] = np.maximum(deviations[place : place + 2], blocks.level_n)

@@ -80,7 +80,7 @@ class KnownOffset:
         """Offset and uncertainty as text."""
         if math.isfinite(self.offset_n):
             return f"{self.offset_n:z.1f} ± {self.uncertainty_n:.1f} N"
-        return f"unknown, at most {self.uncertainty_n:.1f} N" if math.isfinite(self.uncertainty_n) else "unknown"
+        return f"unknown, ± {self.uncertainty_n:.1f} N" if math.isfinite(self.uncertainty_n) else "unknown"
 
     def half_n(self, label_n: Array, load_n: float = 0.0) -> Array:
         """Compute half the width of bounds about friction without this offset [N], shape ``(n,)``.

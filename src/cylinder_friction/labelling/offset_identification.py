@@ -68,7 +68,8 @@ MAY_DIFFER = 0.25
 """Share of the common asymmetry by which conditions may differ, or two sessions; sessions less if there are more."""
 _QUANTITY, _RIPPLE = 0.3, 0.05
 """Prior standard deviations of friction's coefficients over its level: per standardised quantity, and per order of
-position. Greater values would let friction absorb differences between the directions that belong to the offset."""
+position. Greater values would let friction absorb differences between the directions that belong to the offset.
+Asymmetry is a share of friction: pressure and load change it as they change friction, and ``MAY_DIFFER`` of that."""
 _GUESS = np.log([0.01, 0.01, 0.03, 0.03])
 """Logarithms of the expected standard deviations of noise and stroke (over friction's level), scale and slope."""
 
@@ -366,8 +367,9 @@ def _fitted(
     seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
     searched = seen if every == 1 else model._seen(sessions[::every])
     size, even = len(seen.evidence.common) - 1, len(model.quantities.even_places)
-    counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, even
-    deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, max(model.plan.asymmetry, 1e-6)], counts)
+    counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, 1, even - 1
+    asymmetry = max(model.plan.asymmetry, 1e-6) * np.array([1.0, MAY_DIFFER * _QUANTITY])
+    deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, *asymmetry], counts)
     precision, nothing = np.diag(1.0 / deviations**2), np.zeros(size)
 
     def variances(logarithms: Array) -> tuple[float, float, float, list[float]]:

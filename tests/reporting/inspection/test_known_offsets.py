@@ -74,7 +74,7 @@ def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters:
     out = both.column("position_m").max() + np.cumsum(np.abs(np.gradient(both.column("position_m"))))
     one_way = stated(both.with_columns(position_m=0.25 * (out - out.min()) / np.ptp(out)), "out")
     (found,) = known([one_way], cylinder, filters)
-    assert found.value == f"unknown, at most {stated_n:.1f} N"
+    assert found.value == f"unknown, ± {stated_n:.1f} N"
     assert found.words == (
         "not identified: strokes extending alone do not separate it from friction; record strokes retracting too"
     )
@@ -102,8 +102,8 @@ def test_text_and_page_show_the_same(tmp_path: Path, strokes: Recording, cylinde
     subjects = [Inspected("a.csv", [], strokes)]
     assert text_report(subjects, offsets).split("\n\n")[1] == (
         "offset that the sensors' zeros add to friction, by session (k = 2, about 95 %)\n"
-        "  s1    -12.5 ± 7.2 N            strokes in both directions: 12 strokes\n"
-        "  s<2>  unknown, at most 31.0 N  stated uncertainty: not identified: one way"
+        "  s1    -12.5 ± 7.2 N      strokes in both directions: 12 strokes\n"
+        "  s<2>  unknown, ± 31.0 N  stated uncertainty: not identified: one way"
     )
     page = write_page_of(tmp_path / "page.html", subjects, Labeller(cylinder), filters, offsets)
     for words in ("Offset of the sensors' zeros", "s&lt;2&gt;", "-12.5", "7.2", "31.0", "not identified: one way"):
