@@ -341,7 +341,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identification.py ZEROS",
-        r"^zeros +(?:state the sensors' zeros|weigh the load)|^intervals of 95 % hold",
+        r"^zeros +(?:zero the sensors|weigh the load)|^intervals of 95 % hold",
         lambda *_: True,  # Advice, and what the intervals are, which are counted
     ),
     (

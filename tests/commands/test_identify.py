@@ -35,7 +35,7 @@ def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pyte
         assert f"{name:<22} not determined: steady sliding does not show it\n" in printed
     for name in ("coulomb_n", "retract_ratio"):
         assert f"{name:<22} not determined: the sensors' zeros are not stated, and one session does not" in printed
-    assert "zeros    state the sensors' zeros (--sensor-class, or " in printed
+    assert "zeros    zero the sensors and state how exactly (--sensor-class, or " in printed
     assert "\nintervals of 95 % hold the scatter of recordings like these" in printed
     assert "LuGre, pressure-scaled: not identified: the sum of both pressures" in printed
     assert f"page     {tmp_path}/out/friction_models.html" in printed

@@ -42,15 +42,8 @@ def identified(
     points = tuple(SteadyPoint(way * 1e-3, way * 300.0, 290.0, 310.0, 50) for way in (-1.0, 1.0))
     curve = parameters.curve  # type: ignore[attr-defined]
     found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, (5.0,))
-    return IdentifiedModel(
-        model.name,
-        model.title,
-        model.pressure_scaled,
-        ("a", "b"),
-        "",
-        determined(model, found, zeros, slow=slow),
-        found,
-    )
+    known = determined(model, found, zeros, slow=slow)
+    return IdentifiedModel(model.name, model.title, model.pressure_scaled, ("a", "b"), "", known, found)
 
 
 def values_of(model: IdentifiedModel) -> dict[str, object]:

@@ -72,7 +72,7 @@ def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_
     # Standard deviation 12 N, over the root of 3 sessions; Student's t with 2 degrees of freedom
     assert scatter_of_sessions(sessions, CYLINDER, 0.95) == pytest.approx(4.303 * 12.0 / 3.0**0.5, rel=0.02)
     for load, pattern, load_n, advice in (
-        ("none", None, 0.0, "state the sensors' zeros"),  # Files that may be of one session
+        ("none", None, 0.0, "zero the sensors and state how exactly"),  # Files that may be of one session
         ("none", "(?P<session>.*)", 0.0, ""),
         ("position", None, 200.0, "weigh the load (--load NEWTONS)"),
     ):

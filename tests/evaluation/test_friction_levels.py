@@ -58,7 +58,7 @@ def test_what_neither_pressure_nor_speed_explains_is_left() -> None:
     assert found["ccc"].is_unexplained
     words = in_words(list(found.values()))
     assert "at equal pressures, speed and direction it differs from the others' for ccc +" in words
-    assert words.endswith("such as position, the oil's temperature, the load or a sensor's zero")
+    assert words.endswith("position, the oil's temperature, the load or a sensor's zero")
     tables = level_tables(list(found.values()), {each.name: friction_levels([each]) for each in recordings})
     assert [title for title, _, _ in tables] == ["What differs between recordings", "Friction by pressure"]
     assert tables[1][2].rows[2][1].words.startswith("5")

@@ -69,8 +69,8 @@ Pieces of fewer recordings are longer, so that they show as many speeds."""
 LARGE = 0.25
 """Share of mean |friction| above which the shift by the sensors' zeros is named as the reason for wide intervals."""
 ZEROS = (
-    "state the sensors' zeros (--sensor-class, or sensor.zero_uncertainty in the mapping), or give several sessions of "
-    "each condition (--names), between which the sensors were zeroed"
+    "zero the sensors and state how exactly (--sensor-class, or sensor.zero_uncertainty in the mapping), or give more "
+    "sessions of each condition (--names), between which they were zeroed"
 )
 LOAD = "weigh the load (--load NEWTONS) or map a load cell; strokes do not tell it from asymmetric friction"
 

@@ -134,7 +134,8 @@ def in_words(found: Sequence[RecordingDifference]) -> str:
     more = f" and {len(still) - 3} more" if len(still) > 3 else ""
     return (
         f"{spread}; at equal pressures, speed and direction it differs from the others' for {', '.join(shown)}{more}. "
-        "Something else differs, such as position, the oil's temperature, the load or a sensor's zero"
+        f"Something else differs, such as pressures within {PRESSURE_STEP_BAR:g} bar, position, the oil's temperature, "
+        "the load or a sensor's zero"
     )
 
 
