@@ -90,7 +90,7 @@ def losses(seed: int, quick: bool) -> Iterator[Row]:
             pairs = [pair for pair in zip(labelled, truths, strict=True) if pair[0].metadata.session in sessions]
             friction_n = float(np.mean([truth["friction_n"].abs().mean() for _, truth in pairs]))
             if bar == 0.0:
-                yield place, "no loss is named where there is none", found is None
+                yield place, "without a line, no loss is named", found is None
             elif loss_n(bar, highest) > friction_n:
                 yield place, "a loss larger than friction is named", found is not None
             if found is not None and bar:

@@ -43,7 +43,7 @@ def identified(
     curve = parameters.curve  # type: ignore[attr-defined]
     found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, (5.0,))
     known = determined(model, found, zeros, slow=slow)
-    return IdentifiedModel(model.name, model.title, model.pressure_scaled, ("a", "b"), "", known, found)
+    return IdentifiedModel(model.name, model.title, ("a", "b"), "", known, found)
 
 
 def values_of(model: IdentifiedModel) -> dict[str, object]:

@@ -232,12 +232,10 @@ def _written(
     return result
 
 
-def _write_summary(
-    target: ResultFolder, before: Mapping[str, Any], result: FrictionOfLogs, files: Sequence[str]
-) -> None:
+def _write_summary(target: ResultFolder, before: dict[str, Any], result: FrictionOfLogs, files: Sequence[str]) -> None:
     """Write the summary and the page of all results, unless those from ``before`` have the same content."""
-    page, found = target.folder / PAGE_FILE, json.loads(json.dumps(result.found()))
-    if page.is_file() and {**before, **found} == {**before, "new": []}:
+    page = target.folder / PAGE_FILE
+    if not result.new and page.is_file() and before | json.loads(json.dumps(result.found())) == before | {"new": []}:
         return
     tables = level_tables(result.differences, result.levels)
     bounds = f"{result.bounds}. {result.loss}" if result.loss else result.bounds

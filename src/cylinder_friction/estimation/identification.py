@@ -268,7 +268,7 @@ class ModelSearch:
         slow = any(not each.slow for each in curves)
         parameters = determined(model, found, zeros, slow=slow, loss=loss)
         names = tuple(recording.name for recording in recordings)
-        return IdentifiedModel(model.name, model.title, model.pressure_scaled, names, "", parameters, found)
+        return IdentifiedModel(model.name, model.title, names, "", parameters, found)
 
 
 def simpler(models: Sequence[IdentifiedModel], simulated: Sequence[tuple[Recording, Mapping[str, Array]]]) -> str:
@@ -304,6 +304,4 @@ def _holding(interval: tuple[float, float], lower: float, upper: float) -> tuple
 
 
 def _unidentified(model: LuGre, recordings: Sequence[Recording], problem: str) -> IdentifiedModel:
-    return IdentifiedModel(
-        model.name, model.title, model.pressure_scaled, tuple(recording.name for recording in recordings), problem
-    )
+    return IdentifiedModel(model.name, model.title, tuple(recording.name for recording in recordings), problem)

@@ -211,11 +211,14 @@ class IdentifiedModel:
 
     name: str
     title: str
-    pressure_scaled: bool
     recordings: tuple[str, ...]  # Names of the recordings that it was identified from
     why_not: str = ""  # Why nothing could be identified
     parameters: tuple[IdentifiedParameter, ...] = ()
     found: Identification | None = None
+
+    @property
+    def pressure_scaled(self) -> bool:
+        return any(each.name == "pressure_slope_n_pa" for each in self.parameters)
 
     @property
     def equation(self) -> tuple[str, ...]:
