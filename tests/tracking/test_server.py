@@ -5,9 +5,10 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import wait
 from pathlib import Path
-from threading import Thread
+from threading import Barrier, Thread
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from mlflow import MlflowClient
 
 from candidates import NAME, other_model, race, register_together, registered_in, versions
 from cylinder_friction.dvc_hashes import dvc_hash
+from cylinder_friction.run_record import Dataset
 from cylinder_friction.tracking.lineage import lineage
+from cylinder_friction.tracking.log_run import log_datasets
 from cylinder_friction.tracking.registry import track
 from team_servers import postgresql_programs, server_on
 
@@ -43,6 +46,21 @@ def test_runs_registry_and_lineage_work_over_http(server: str, pipeline: Path) -
     assert found.holds, found.text()
     assert not (pipeline / "mlartifacts").exists(), "nothing goes to the local store"
     assert os.environ["MLFLOW_TRACKING_URI"] == server, "the environment is as it was"
+
+
+def test_machines_that_log_the_same_new_datasets_at_once_all_succeed(server: str) -> None:
+    client, machines = MlflowClient(server), 4
+    experiment, together = client.create_experiment("datasets"), Barrier(machines)
+
+    def log(number: int) -> int:
+        run_id = client.create_run(experiment).info.run_id
+        together.wait()
+        log_datasets(client, run_id, {"train": Dataset("data/processed/train", f"{number:032x}", {}, 1)})
+        return len(client.get_run(run_id).inputs.dataset_inputs)
+
+    with ThreadPoolExecutor(machines) as pool:
+        logged = [[*pool.map(log, [number] * machines)] for number in range(ROUNDS)]
+    assert logged == [[1] * machines] * ROUNDS
 
 
 ROUNDS = 20

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from mlflow import MlflowClient, MlflowException
 from mlflow.entities import Dataset as MlflowDataset
 from mlflow.entities import DatasetInput, InputTag, Metric, Param, RunTag
 from mlflow.types import ColSpec, DataType
@@ -138,6 +139,19 @@ def dataset_input(role: str, dataset: Dataset) -> DatasetInput:
     return DatasetInput(found, [InputTag(tag.MLFLOW_DATASET_CONTEXT, role)])
 
 
+def log_datasets(client: MlflowClient, run_id: str, datasets: Mapping[str, Dataset]) -> None:
+    """Link a run to datasets, also when another machine logs the same new datasets at the same moment.
+
+    MLflow looks whether a dataset is known and then inserts it, so that the later of two machines is refused. When it
+    asks again, the dataset is known.
+    """
+    inputs = [dataset_input(role, each) for role, each in datasets.items()]
+    try:
+        client.log_inputs(run_id, inputs)
+    except MlflowException:
+        client.log_inputs(run_id, inputs)
+
+
 def _log_whole(store: Store, record: RunRecord, root: Path, key: str, known: str = "") -> str:
     """Write a new run or the ``known`` one; delete what a kill or a lost reply left of it in this repository."""
     if missing := [path for path in record.artifacts if not (root / path).exists()]:
@@ -162,7 +176,7 @@ def _write(store: Store, experiment: str, record: RunRecord, root: Path, tags: d
     own = {tag.MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}", STAGE_TAG: record.name, **tags, **record.tags}
     own |= {tag.MLFLOW_RUN_NOTE: record.note} if record.note else {}
     run_id = known or str(client.create_run(experiment, took.started_ms, own, run_name=record.name).info.run_id)
-    client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
+    log_datasets(client, run_id, record.datasets)
     points = {name: [(value, took.ended_ms) for value in values] for name, values in record.curves.items()}
     points |= {name: [(value, took.ended_ms)] for name, value in record.metrics.items()}
     for name in ("memory_mb", "processor_s") if took.samples else ():
