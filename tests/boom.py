@@ -38,21 +38,25 @@ def boom_points(
     seconds: float = 120.0,
     plan: LoadPlan | None = None,
     other_m: Callable[[Array, Array], Array] | None = None,
+    pressed: float = 0.0,
 ) -> StrokePoints:
     """Return strokes with slowly wandering noise of about 12 N; retraction has ``2 * asymmetry_n`` more friction.
 
+    Pressure extending is above its mean by the share ``pressed``, retracting below it, and half of friction follows it.
     ``other_m`` gives the position of another cylinder from time and position; None: it stands at 0.5 m, unknown.
     """
     plan = plan or LoadPlan()
     generator = np.random.default_rng(seed)
     position_m, velocity, acceleration = motion(seconds)
     wander = np.convolve(generator.normal(0.0, 12.0, len(position_m) + 99), np.full(100, 0.1), mode="valid")
+    pressure_pa = 1e7 * (1.0 + pressed * np.sign(velocity))
+    asymmetry_n -= 0.5 * pressed * coulomb_n
     friction_n = coulomb_n * np.sign(velocity) - asymmetry_n + viscous_n_s_m * velocity
     time_s = STEP_S * np.arange(len(position_m))
     others_m = np.full(len(position_m), 0.5) if other_m is None else other_m(time_s, position_m)
     force_n = load_at_angle(position_m, others_m) + friction_n + wander
     usable = np.ones(len(position_m), dtype=np.bool_)
-    how = usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m
+    how = pressure_pa, usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m
     return stroke_points(
         force_n, position_m, velocity, acceleration, *how, None if other_m is None else others_m[:, None]
     )

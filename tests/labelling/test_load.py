@@ -48,6 +48,16 @@ def test_a_constant_asymmetry_goes_into_the_load_and_is_within_its_uncertainty(a
     assert found.asymmetry_n >= 0.15 * found.coulomb_n
 
 
+def test_friction_that_pressure_makes_asymmetric_is_within_the_uncertainty() -> None:
+    """Under a weight pressure is higher extending, here three times; half of friction grows with it."""
+    found = identify_load(boom_points(pressed=0.5), LoadPlan(asymmetry=0.0))
+    grid = np.linspace(*found.range_m, 40)
+    error = found.load_n(grid) - boom_load(grid)
+    assert error.mean() == pytest.approx(100.0, abs=5.0)
+    assert (np.abs(error) < 2.0 * found.uncertainty_n(grid)).all()
+    assert identify_load(boom_points(), LoadPlan(asymmetry=0.0)).asymmetry_n == 0.0
+
+
 def test_the_load_as_stated_is_uncertain_by_the_zeros_that_it_absorbed(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:

@@ -89,7 +89,7 @@ def test_mass_and_load_are_found_beside_each_other() -> None:
     force_n = force_n + 2000.0 + 3000.0 * position_m
     motion, plan = (force_n, position_m, velocity, acceleration), LoadPlan(slowest_m_s=0.02)
     usable = np.ones(len(force_n), dtype=np.bool_)
-    strokes = stroke_points(*motion, usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m)
+    strokes = stroke_points(*motion, force_n, usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m)
     found = identify_session([strokes], [motion_points(*motion, STEP_S)], 6.0, plan)
     assert found.moving_mass_kg == pytest.approx(95.0, rel=0.03)
     assert found.load is not None

@@ -13,7 +13,8 @@ STEP_S = 0.01
 def strokes(velocity: np.ndarray, usable: np.ndarray | None = None, settling_m: float = 0.0) -> StrokePoints:
     position_m = np.cumsum(velocity) * STEP_S
     usable = np.ones(len(velocity), dtype=np.bool_) if usable is None else usable
-    return stroke_points(10.0 * position_m, position_m, velocity, 0.0 * velocity, usable, STEP_S, 0.01, settling_m)
+    still = 0.0 * velocity
+    return stroke_points(10.0 * position_m, position_m, velocity, still, still, usable, STEP_S, 0.01, settling_m)
 
 
 def test_points_are_means_over_a_tenth_of_a_second() -> None:

@@ -25,7 +25,7 @@ from cylinder_friction.labelling.uncertainty import (
 )
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.signals.methods import warn_of_rates
 from cylinder_friction.signals.motion import widened
@@ -103,7 +103,9 @@ class Labeller:
                 plan, others = self.load_plan, other_positions(recording)
                 limits = step_s, plan.slowest_m_s, plan.settling_travel_m
                 others_m = recording.samples(others) if others else None
-                strokes.append(stroke_points(*motion, usable, *limits, others_m))
+                pressures = (recording.column(name) for name in PRESSURES if name in recording.columns)
+                pressure_pa = sum(pressures, np.zeros(len(recording)))  # 0 where the drive force is given instead
+                strokes.append(stroke_points(*motion, pressure_pa, usable, *limits, others_m))
             if self.inertia == "identified":
                 blocks.append(motion_points(*motion, step_s, usable))
         return identify_session(strokes, blocks, self.cylinder.moving_mass_kg, self.load_plan, others)

@@ -10,7 +10,8 @@ its orders. Only rows that clearly move count, and friction is assumed equal in 
 viscous terms, and a quadratic term for lines between sensors and cylinder that lose pressure, each if strokes determine
 it. **A difference of friction between the directions that does not depend on position cannot be told from load**: half
 of it goes into L. Its size is therefore stated, as a share of friction, and adds to the load's uncertainty from the
-scatter of the strokes.
+scatter of the strokes. So does the difference that pressure makes: if it is higher in one direction, as under a
+weight, friction of the seals is too, and strokes do not show whether all of friction grows with pressure or none.
 """
 
 import math
@@ -55,6 +56,8 @@ of Coulomb friction between such sets is part of its uncertainty. If other terms
 not determine them, the change that they make to the load is part of the load's uncertainty."""
 _OWN_SHARE = 0.05
 """Least share of velocity's square that position and direction must leave unexplained to identify viscous friction."""
+_FOLLOWS_PRESSURE = 0.5
+"""Standard uncertainty of the share of friction that grows with pressure: none of it to all of it at k = 2."""
 _LEAST_POINTS_PER_COEFFICIENT = 4
 
 
@@ -72,7 +75,7 @@ class LoadPlan:
     slowest_m_s: float = 2e-3  # Least speed [m/s]; below it, friction is neither Coulomb nor viscous
     settling_travel_m: float = 2e-3  # Travel after a start or reversal that is ignored [m]
     # Standard uncertainty of the asymmetry, which the data cannot determine: half the difference of friction between
-    # the directions, over Coulomb friction
+    # the directions, over Coulomb friction, at equal pressures
     asymmetry: float = 0.15
 
     def __post_init__(self) -> None:
@@ -232,7 +235,8 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         range_m=range_m,
         coverage=coverage,
         scatter_n=tuple(scatter_n.tolist()),
-        asymmetry_n=plan.asymmetry * max(coulomb, float(np.mean(np.abs(friction_n)))),
+        asymmetry_n=math.hypot(plan.asymmetry, _FOLLOWS_PRESSURE * _pressure_differs(points))
+        * max(coulomb, float(np.mean(np.abs(friction_n)))),
         coulomb_n=coulomb,
         coulomb_interval_n=(min(lows), max(highs)),
         load_range_n=(float(loads_n.min()), float(loads_n.max())),
@@ -241,6 +245,14 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         others=others,
         other_order=other_order,
     )
+
+
+def _pressure_differs(points: StrokePoints) -> float:
+    """Compute half the difference of pressure between the directions over its mean, 0 to 1."""
+    extend_pa, retract_pa = (
+        max(float(points.pressure_pa[points.velocity_m_s * sign > 0.0].mean()), 1.0) for sign in (1.0, -1.0)
+    )
+    return abs(extend_pa - retract_pa) / (extend_pa + retract_pa)
 
 
 def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:

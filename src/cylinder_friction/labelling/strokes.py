@@ -27,6 +27,7 @@ class StrokePoints(Averages):
 
     group = "stroke"
 
+    pressure_pa: Array  # Sum of both chambers' pressures, by which seals are pressed [Pa]
     # First and last position of the piece [m]
     first_m: Array
     last_m: Array
@@ -39,6 +40,7 @@ def stroke_points(
     position_m: Array,
     velocity_m_s: Array,
     acceleration_m_s2: Array,
+    pressure_pa: Array,
     usable: Mask,
     sample_time_s: float,
     slowest_m_s: float,
@@ -62,6 +64,7 @@ def stroke_points(
         position_m=mean(position_m),
         velocity_m_s=mean(velocity_m_s),
         acceleration_m_s2=mean(acceleration_m_s2),
+        pressure_pa=mean(pressure_pa),
         first_m=position_m[pieces.rows[pieces.begins]],
         last_m=position_m[pieces.rows[pieces.begins + pieces.counts - 1]],
         others_m=np.reshape(others, (len(others), len(pieces.begins))).T,
