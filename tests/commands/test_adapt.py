@@ -17,9 +17,11 @@ from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.recordings.recording import Recording
-from logger_files import CHANNELS, write_log
+from inspected_recordings import made_strokes
+from logger_files import CHANNELS, STATED, write_log
 
 PRESS = "bore_diameter_m=0.08, rod_diameter_m=0.045, stroke_m=0.25, moving_mass_kg=6.0"
+OFFSETS_N = (25.0, -5.0, -20.0, 10.0, -10.0, 15.0, -15.0, 5.0, -12.0, 12.0, 2.0, -7.0)
 OLD = "bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0"
 
 
@@ -47,6 +49,7 @@ def test_the_model_is_taken_for_the_new_cylinder_and_refused_for_the_old_one(
     assert "its bounds rest on 2 sessions, each estimated by a model that was not trained on it" in printed
     assert "; a tuned low-pass: " in printed
     assert f"model    {tmp_path}/adapted" in printed
+    assert "offset   of the sensors' zeros: not identified: recording '0': the uncertainty of the zero of " in printed
     model = load_estimator(tmp_path / "adapted")
     assert np.isfinite(model.step_model().bounds.upper_n).all()
     estimate = ["estimate", given[2], "--channels", given[6], "--model", str(tmp_path / "adapted")]
@@ -60,6 +63,30 @@ def test_the_model_is_taken_for_the_new_cylinder_and_refused_for_the_old_one(
     content = json.loads(capsys.readouterr().out)
     assert content["recordings"] == ["0", "1"]
     assert content["source"] == str(tmp_path / "source")
+
+
+@pytest.mark.extended
+def test_offsets_that_strokes_show_are_taken_off_and_learned(
+    given: list[str], tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for number, offset_n in enumerate(OFFSETS_N):
+        write_log(tmp_path / f"offsets/{number:02d}.csv", made_strokes(cylinder, 100.0 + offset_n, seconds=30.0))
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump({"channels": STATED}), encoding="utf-8")
+    given[2], given[given.index(PRESS)] = str(tmp_path / "offsets"), OLD
+    assert main([*given, "--load", "100+-1"]) == 0
+    printed = capsys.readouterr().out
+    assert (
+        "offset   of the sensors' zeros: identified from strokes in 12 of 12 sessions and subtracted from " in printed
+    )
+    assert "; the model learns that of a new session while it runs\n" in printed
+    assert "; an error of the load (100 ± 1 N, as stated) comes on top\n" in printed
+    model = load_estimator(tmp_path / "adapted")
+    assert model.offset is not None
+    assert model.position_load is not None
+    assert model.position_load.in_words().startswith("a load of 100 N between 0 and 0.25 m, known to 0.577 N")
+    assert main([*given, "--load", "position"]) == 0
+    words = "not identified: a load identified from position has absorbed the sensors' offset; the model learns none\n"
+    assert f"offset   of the sensors' zeros: {words}" in capsys.readouterr().out
 
 
 def test_what_cannot_be_adapted_is_named_and_leaves_nothing(

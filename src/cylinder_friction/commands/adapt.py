@@ -21,12 +21,16 @@ from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.files.result_folder import ResultFolder, existing
 from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.labelling.apparent_loss import loss_of_labels
+from cylinder_friction.labelling.known_offset import training_models, without_offsets
 from cylinder_friction.labelling.label import label, position_load
+from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.reading_logs import read_recordings
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.wording import counted
 
 EXPECTED = (ValueError, OSError)
 SUMMARY_FILE = "adaptation.json"
@@ -41,7 +45,7 @@ def run(options: argparse.Namespace) -> None:
         return
     low_pass = "" if result["low_pass_n"] is None else f"; a tuned low-pass: {result['low_pass_n']:.1f} N"
     lines = [f"source   {name}", f"for      {result['trained_for']}{low_pass}", f"bounds   {result['bounds']}"]
-    lines += [f"loss     {result['loss']}"] if result["loss"] else []
+    lines += [f"{name:<8} {result[name]}" for name in ("offset", "loss") if result[name]]
     print("\n".join([*(f"note     {note}" for note in notes), *lines, f"model    {options.output}"]))
 
 
@@ -59,13 +63,15 @@ def _adapt_to_logs(
             raise ValueError(f"{name}: is of the kind {source.kind!r}, expected a hybrid; no other can be adapted")
         recordings = read_recordings(files, channels, cylinder, **reading)
         measured: LoadMode = "measured" if LOAD_FORCE in recordings[0].columns else "none"
-        mode, load = reading["load"] or measured, None
+        mode, load, beside = reading["load"] or measured, None, ""
         if isinstance(mode, StatedLoad):  # part of the model, as no sensor measures it
             load = PositionLoad(
                 0.0, cylinder.stroke_m, np.full(2, mode.force_n), np.full(2, RECTANGULAR * mode.within_n)
             )
             recordings = [each.without_columns(LOAD_FORCE) for each in recordings]
+            beside = f"; an error of the load ({mode.in_words()}) comes on top" if mode.within_n else ""
         labelled = label(recordings, cylinder, load=load or mode)
+        labelled, offset = _without_offsets(labelled, cylinder, LOADED["position"] if mode == "position" else "")
         load = position_load(recordings, cylinder) if mode == "position" else load
         adapted = source.adapt(labelled, cylinder, load)
         adapted.save(folder)
@@ -80,10 +86,34 @@ def _adapt_to_logs(
         result = {
             "source": name,
             "trained_for": adapted.trained_for.in_words(),
-            "bounds": adapted.bounds.in_words(),
+            "bounds": adapted.bounds.in_words() + beside,
+            "offset": f"of the sensors' zeros: {offset}; the model learns "
+            + ("none" if adapted.offset is None else "that of a new session while it runs"),
             "loss": "" if loss is None else loss.sentence(cylinder),
             "low_pass_n": low_pass_n,  # Error of a low-pass tuned on the same recordings, against the label [N]
             "recordings": [each.name for each in labelled],
         }
         write_json(folder / SUMMARY_FILE, result)
     return result
+
+
+def _without_offsets(labelled: list[Recording], cylinder: Cylinder, why_not: str) -> tuple[list[Recording], str]:
+    """Take the offset of each session off its labels, as the stage ``offset`` does, and say so in words.
+
+    ``why_not`` states why offsets are not to be identified; empty if they are.
+    """
+    try:
+        models, why_not = ({}, why_not) if why_not else training_models(labelled, cylinder, OffsetPlan())
+    except RecordingError as error:
+        models, why_not = {}, str(error)
+    if why_not:
+        return labelled, f"not identified: {why_not}"
+    corrected = without_offsets(labelled, models)
+    names, known = (
+        {each.metadata.session for each in some}
+        for some in (corrected, [each for each in corrected if each.metadata.identified_zero])
+    )
+    return (
+        corrected,
+        f"identified from strokes in {len(known)} of {counted(len(names), 'session')} and subtracted from their labels",
+    )

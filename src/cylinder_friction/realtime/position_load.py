@@ -110,8 +110,10 @@ class PositionLoad:
         for axis in self.others:
             between += f", and {axis.column} between {axis.first_m:.4g} and {axis.last_m:.4g} m"
         part = "" if known.all() else f" (in {100.0 * known.mean():.0f} % of that area; elsewhere it is not known)"
+        low, high = f"{load_n.min():z.0f}", f"{load_n.max():z.0f}"
+        load = f"{low} N" if low == high else f"{low} to {high} N, which position decides"
         return (
-            f"a load of {load_n.min():.0f} to {load_n.max():.0f} N, which position decides between {between}{part}, "
+            f"a load of {load} between {between}{part}, "
             f"known to {self.uncertainty_n[known].max():.3g} N (standard uncertainty), is taken off"
         )
 
