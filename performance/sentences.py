@@ -177,6 +177,10 @@ class Simulated:
             return self.uneven("condition")
         return float((ways[-1.0] - ways[1.0]) / (ways[-1.0] + ways[1.0]))
 
+    def asymmetric_n(self, name: str) -> float:
+        """Return half the difference of dry friction retracting and extending [N], without its sign."""
+        return abs(self.uneven(name)) * float(self.sliding(name)["dry_n"].mean())
+
     def uneven_n(self, name: str) -> float:
         """Return what does not turn with the direction: weight, zeros, and half the sum of friction up and down [N]."""
         truth = pd.concat([each.truth for each in self.own(name)])
@@ -286,6 +290,21 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
         "labelling/load.py sentence, load",
         LOAD,
         lambda m, made, _: abs(0.5 * (float(m[1]) + float(m[2] or m[1])) - made.world.weight_n) <= float(m[3]),
+    ),
+    (
+        "labelling/load.py sentence, asymmetry",
+        r"± (\d+) N of that are assumed, not observed, for asymmetric friction",
+        lambda m, made, name: made.asymmetric_n(name) <= float(m[1]),
+    ),
+    (
+        "commands/adapt.py offset and load",
+        r"of the sensors' zeros: (?:not )?identified|; an error of the load \(.*\) comes on top",
+        lambda *_: True,  # What was done, and what bounds leave out; they are counted as "adapted bounds hold"
+    ),
+    (
+        "reporting/inspection/text.py STILL_IN",
+        r"^means above hold these offsets",
+        lambda *_: True,  # What the command does
     ),
     (
         "recordings/checks/limits.py in_words",

@@ -27,12 +27,12 @@ def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pyte
     given = arguments(tmp_path, cylinder, [*np.geomspace(8e-3, 0.06, 9)] * 2)
     assert main([*given, "--generations", "1"]) == 0
     printed = capsys.readouterr().out
-    assert "LuGre: 1 recording, error " in printed
+    assert "LuGre: 1 recording of condition 1, error " in printed
     assert "viscous_n_s_m" in printed
     assert re.search(r"condition 1: \d+ points .* friction does not rise towards standstill; record slower", printed)
     assert printed.count("towards standstill") == 1
     for name in ("static_n", "stribeck_velocity_m_s", "stribeck_exponent"):
-        assert f"{name:<22} not determined: steady sliding does not show it\n" in printed
+        assert f"{name:<22} not determined: steady sliding of condition 1 does not show it\n" in printed
     for name in ("coulomb_n", "retract_ratio"):
         assert f"{name:<22} not determined: the sensors' zeros are not stated, and one session does not" in printed
     assert "zeros    zero the sensors and state how exactly (--sensor-class, or " in printed

@@ -31,7 +31,7 @@ ASSIGNMENT = re.compile(rf"friction\.([a-z]\w*) = ({NUMBER}|NaN); % \[[^\]]+\] .
 
 
 def identified(
-    pressure_scaled: bool, factor: float = 1.05, zeros: Zeros = KNOWN, slow: bool = True, **values: float
+    pressure_scaled: bool, factor: float = 1.05, zeros: Zeros = KNOWN, unseen: str = "", **values: float
 ) -> IdentifiedModel:
     """Return a model whose intervals reach a factor to either side."""
     model, parameters = LuGre(pressure_scaled), replace(ODD["lugre"], **values)
@@ -42,7 +42,7 @@ def identified(
     points = tuple(SteadyPoint(way * 1e-3, way * 300.0, 290.0, 310.0, 50) for way in (-1.0, 1.0))
     curve = parameters.curve  # type: ignore[attr-defined]
     found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, (5.0,))
-    known = determined(model, found, zeros, slow=slow)
+    known = determined(model, found, zeros, unseen=unseen)
     return IdentifiedModel(model.name, model.title, ("a", "b"), "", known, found)
 
 
@@ -81,8 +81,8 @@ def test_the_reason_names_what_is_missing() -> None:
     notes = {each.name: each.note.removeprefix("its interval ends at a limit of ") for each in at_limits.parameters}
     assert notes["bristle_stiffness_n_m"] == "the search, 100000 to 100000000 N/m"
     assert notes["retract_ratio"] == "the search, 0.4 to 2.5"
-    unknown = identified(True, zeros=Zeros(math.inf, "zeros are not stated"), slow=False)
+    unknown = identified(True, zeros=Zeros(math.inf, "zeros are not stated"), unseen="not seen")
     notes = {each.name: each.note for each in unknown.parameters}
     assert {notes[name] for name in ("coulomb_n", "retract_ratio", "pressure_slope_n_pa")} == {"zeros are not stated"}
-    assert notes["static_n"] == notes["stribeck_exponent"] == "steady sliding does not show it"
+    assert notes["static_n"] == notes["stribeck_exponent"] == "not seen"
     assert notes["viscous_n_s_m"] == ""

@@ -48,4 +48,4 @@ def test_a_fit_outside_of_what_was_seen_is_not_stated() -> None:
     steep = [SteadyPoint(v, 2e4 * v, 2e4 * v, 2e4 * v, 100) for v in velocity.tolist()]
     curve, problem = known_curve(steep)
     assert curve is None
-    assert "lies outside the friction that was seen, 400 to 4000 N, so its parameters are not determined" in problem
+    assert "lies outside the force of steady sliding, 400 to 4000 N, so its parameters are not determined" in problem

@@ -35,6 +35,8 @@ def _lines(result: FrictionModels) -> list[str]:
             lines += ["", f"{model.title}: not identified: {model.why_not}"]
             continue
         count = counted(len(model.recordings), "recording")
+        conditions = [each.condition for each in result.curves if {*each.recordings} & {*model.recordings}]
+        count += f" of condition{'s' * (len(conditions) > 1)} {', '.join(conditions)}"
         lines += ["", f"{model.title}: {count}, error {model.found.error_percent:.1f} % of mean |friction|"]
         lines += [_line(each) for each in model.parameters]
     return lines

@@ -21,6 +21,7 @@ from cylinder_friction.estimation.identified_model import (
     FITS_ALIKE,
     LEAST_SHARE,
     SOFTENED,
+    UNSEEN,
     FrictionModels,
     IdentifiedCurve,
     IdentifiedModel,
@@ -265,8 +266,8 @@ class ModelSearch:
             intervals["retract_ratio"] = _holding(intervals["retract_ratio"], *other)
         found = replace(found, intervals=intervals)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
-        slow = any(not each.slow for each in curves)
-        parameters = determined(model, found, zeros, slow=slow, loss=loss)
+        unseen = UNSEEN.format(" or ".join(sorted(conditions))) if all(each.slow for each in curves) else ""
+        parameters = determined(model, found, zeros, unseen=unseen, loss=loss)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found)
 

@@ -81,7 +81,7 @@ UNSEPARATED = (
 )
 SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a shift of all friction changes: it adds while extending and subtracts while retracting."""
-UNSEEN = "steady sliding does not show it"
+UNSEEN = "steady sliding of condition {} does not show it"
 LEAST_SPEEDS = 5
 """Least number of speeds of steady sliding in one direction: a direction's Stribeck curve has five parameters."""
 BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa")
@@ -268,15 +268,15 @@ class FrictionModels:
 
 
 def determined(
-    model: LuGre, found: Identification, zeros: Zeros, *, slow: bool = True, loss: str = ""
+    model: LuGre, found: Identification, zeros: Zeros, *, unseen: str = "", loss: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
     """List every parameter of the model. A parameter that the motion does not determine has no number.
 
-    ``slow`` states whether steady sliding shows how friction rises towards standstill. ``loss`` states why
+    ``unseen`` states why steady sliding does not show how friction rises towards standstill. ``loss`` states why
     ``BENT_BY_A_LOSS`` are not known; empty without an apparent loss between sensors and cylinder.
     """
     why_not = {spec.name: _unknown(spec, found, zeros) for spec in model.searched}
-    why_not |= {} if slow else dict.fromkeys(SLOW_PARAMETERS, UNSEEN)
+    why_not |= dict.fromkeys(SLOW_PARAMETERS, unseen) if unseen else {}
     why_not |= dict.fromkeys(BENT_BY_A_LOSS, loss) if loss else {}
     parameters = []
     for spec in model.specs:

@@ -282,10 +282,16 @@ def _own_asymmetry_n(model: OffsetModel) -> float:
 def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
     return _from_strokes(
         found,
-        f"deviation from the mean of {len(model.sessions)} sessions of its condition ({found.strokes_extend} "
-        f"extending and {found.strokes_retract} retracting), if friction is as asymmetric in each: another ratio of "
-        f"both directions, by {200.0 * abs(found.offset_n) / model.level_n:.1f} %, would look the same",
+        f"deviation from the mean of {len(model.sessions)} sessions of its condition ({_counted(found, model.plan)}), "
+        "if friction is as asymmetric in each: another ratio of both directions, by "
+        f"{200.0 * abs(found.offset_n) / model.level_n:.1f} %, would look the same",
     )
+
+
+def _counted(found: SessionOffset, plan: OffsetPlan) -> str:
+    """Count the strokes with a block of sliding; other commands' counts have other limits of speed and position."""
+    faster = f"faster than {1e3 * plan.slowest_m_s:g} mm/s"
+    return f"{found.strokes_extend} extending and {found.strokes_retract} retracting {faster}"
 
 
 def _from_strokes(found: SessionOffset, words: str, condition_n: float = 0.0) -> KnownOffset:
@@ -326,8 +332,7 @@ def _known(
         together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
         return _from_strokes(
             found,
-            f"{found.strokes_extend} extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} s, "
-            f"{together}",
+            f"{_counted(found, plan)}, {found.sliding_s:.0f} s, {together}",
             condition_n,
         )
     stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))

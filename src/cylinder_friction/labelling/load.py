@@ -147,9 +147,10 @@ class LoadIdentification:
         others = [f", {name} from {low:.3g} to {high:.3g} m" for name, (low, high) in ranges_m]
         return (
             f"the load is {load} ± {half_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{''.join(others)}, "
-            f"from strokes ({self.strokes_extend} out, {self.strokes_retract} in); "
-            f"± {COVERAGE_FACTOR * self.asymmetry_n:.0f} N of that is asymmetric friction, which strokes do not tell "
-            f"from a load{'; zeros, which are not stated, come on top' if zero_n is None else ''}"
+            f"from strokes that passed these positions ({self.strokes_extend} out, {self.strokes_retract} in); "
+            f"± {COVERAGE_FACTOR * self.asymmetry_n:.0f} N of that are assumed, not observed, for asymmetric friction, "
+            f"which strokes do not tell from a load"
+            f"{'; zeros, which are not stated, come on top' if zero_n is None else ''}"
         )
 
     @property

@@ -103,8 +103,10 @@ def test_text_and_page_show_the_same(tmp_path: Path, strokes: Recording, cylinde
     assert text_report(subjects, offsets).split("\n\n")[1] == (
         "offset that the sensors' zeros add to friction, by session (k = 2, about 95 %)\n"
         "  s1    -12.5 ± 7.2 N      strokes in both directions: 12 strokes\n"
-        "  s<2>  unknown, ± 31.0 N  stated uncertainty: not identified: one way"
+        "  s<2>  unknown, ± 31.0 N  stated uncertainty: not identified: one way\n"
+        "means above hold these offsets; `estimate` and the stage `offset` take off what strokes show"
     )
+    assert "means above" not in text_report(subjects, offsets[1:])
     page = write_page_of(tmp_path / "page.html", subjects, Labeller(cylinder), filters, offsets)
     for words in ("Offset of the sensors' zeros", "s&lt;2&gt;", "-12.5", "7.2", "31.0", "not identified: one way"):
         assert words in page, words

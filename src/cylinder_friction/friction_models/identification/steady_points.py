@@ -205,7 +205,7 @@ def _beyond_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
     if coulomb[0] >= BELOW_SEEN * min(seen) and coulomb[1] <= max(seen):
         return ""
     return (
-        f"the fit's Coulomb friction, {coulomb[0]:.0f} to {coulomb[1]:.0f} N, lies outside the friction that was seen, "
-        f"{min(seen):.0f} to {max(seen):.0f} N, so its parameters are not determined; record more strokes at constant "
-        "velocity"
+        f"the fit's Coulomb friction, {coulomb[0]:.0f} to {coulomb[1]:.0f} N, lies outside the force of steady "
+        f"sliding, {min(seen):.0f} to {max(seen):.0f} N, so its parameters are not determined; record more strokes at "
+        "constant velocity"
     )

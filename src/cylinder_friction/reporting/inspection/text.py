@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 
 from cylinder_friction.evaluation.inspection.subject import OUTCOMES, VERDICTS, Inspected, count_outcomes, worst_first
-from cylinder_friction.labelling.known_offset import NOTHING, KnownOffset
+from cylinder_friction.labelling.known_offset import NOTHING, STROKES, KnownOffset
 from cylinder_friction.reporting.friction_page import offset_lines
 from cylinder_friction.wording import counted
+
+STILL_IN = "means above hold these offsets; `estimate` and the stage `offset` take off what strokes show"
 
 
 def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:
@@ -14,6 +16,7 @@ def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = 
     known = [each for each in offsets if each.source != NOTHING]
     if known:
         lines += ["", *offset_lines(known)]
+        lines += [STILL_IN] * any(each.source == STROKES for each in known)
     return "\n".join([*lines, "", _summary(subjects)]) + "\n"
 
 
