@@ -58,9 +58,6 @@ def test_nothing_usable_is_an_error_and_leaves_the_old_output(ingest: Ingest, so
     with pytest.raises(RecordingError, match=r"no file is usable \(of 3\); the first, condition1_session00_.*csv: "):
         ingest()
     assert len(read_stored(tmp_path / "out")) == 3
-
-
-def test_empty_folder_says_what_to_do(ingest: Ingest) -> None:
     with pytest.raises(RecordingError, match=r"no file matches '\*.tdms'; put recordings there, or name their folder"):
         ingest("*.tdms")
 

@@ -120,12 +120,7 @@ WRONG = {
         ("log.csv", "empty.yaml", None, "expected a key 'channels' with one entry per column, but got source"),
         ("log.csv", None, {"presure": "bar"}, "units: got 'presure', expected one of time, pressure, .*pressure=bar"),
         ("log.csv", None, {"pressure": "inch"}, "unit 'inch' measures length, but the column holds a pressure"),
-        (
-            "log.csv",
-            None,
-            {"pressure": "psi"},
-            r"'p_A \[bar\]' states bar, but pressure=psi was given as its unit; leave",
-        ),
+        ("log.csv", None, {"pressure": "psi"}, r"'p_A \[bar\]' states bar, but pressure=psi was given as its unit"),
         ("log.csv", CHANNELS, {"pressure": "bar"}, r"units: got \{'pressure': 'bar'\} beside a mapping; state them in"),
     ],
 )
@@ -154,16 +149,10 @@ def plain(logs: Path, folder: Path, pressure: float = 1.0, position: float = 1.0
 @pytest.mark.parametrize(
     ("scales", "words"),
     [
-        (
-            {"pressure": 1.0},
-            r"pressure of 'p1' .* and 'p2' .* fits bar or psi or MPa; .*: --unit pressure=bar or --unit pressure=psi",
-        ),
+        ({"pressure": 1.0}, r"pressure of 'p1' .* and 'p2' .* fits bar or psi or MPa; .*: --unit pressure=bar or --u"),
         ({"pressure": 100.0}, r"fits kPa or psi or mbar; .* \(in Python units=\{quantity: unit\}\)"),
         ({"pressure": 1e5, "position": 0.1}, r"length of 'x' \(values .*\) fits mm or cm; .*--unit length=mm"),
-        (
-            {"pressure": 1e5, "time": 20.0},
-            r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s or --unit time=",
-        ),
+        ({"pressure": 1e5, "time": 20.0}, r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s or --unit ti"),
         ({"pressure": 1e-5}, r"pressure of 'p1' .* fits no usual unit; .*--unit pressure=UNIT "),
     ],
 )

@@ -291,7 +291,6 @@ def simpler(models: Sequence[IdentifiedModel], simulated: Sequence[tuple[Recordi
 
 
 def _level_n(recordings: Sequence[Recording]) -> float:
-    """Compute the mean absolute label of recordings [N]."""
     return float(np.mean(np.abs(np.concatenate([each.column("friction_n")[each.usable()] for each in recordings]))))
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE
+from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import MEDIAN_OF_NORMAL, noise_deviation
 from cylinder_friction.signals.smooth_signals import SignalFilter, at_cylinder, has_pressures
@@ -86,7 +87,8 @@ def line_uncertainty(recording: Recording, cylinder: Cylinder, velocity_m_s: Arr
     Both lines have the same error, so their uncertainties add.
     """
     areas, lines = sensitivities(recording, cylinder), recording.metadata.line_loss
-    pairs = [(area * lines[name].standard_uncertainty, lines[name]) for name, area in areas.items() if name in lines]
+    own = [(area, lines[name]) for name, area in areas.items() if name in lines]
+    pairs = ((area * (RECTANGULAR * line.uncertainty_percent / 100.0), line) for area, line in own)
     return sum((np.abs(share * line.lost_pa(velocity_m_s)) for share, line in pairs), start=0.0)
 
 

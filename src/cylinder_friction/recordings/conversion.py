@@ -334,5 +334,4 @@ def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]
 
 
 def none_usable(where: str, files: int, first: Quarantined) -> RecordingError:
-    """Make the error for a run in which every file was refused."""
     return RecordingError(f"{where}: no file is usable (of {files}); the first, {first.file}: {first.reason}")

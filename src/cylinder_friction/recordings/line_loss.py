@@ -47,13 +47,7 @@ class LineLoss:
             if not 0.0 <= getattr(self, name) <= 100.0:
                 raise ValueError(f"sensor: line_loss: {name}: expected 0 to 100, but got {getattr(self, name)!r}")
 
-    @property
-    def standard_uncertainty(self) -> float:
-        """Standard uncertainty (k = 1) as a share of the loss."""
-        return RECTANGULAR * self.uncertainty_percent / 100.0
-
     def in_words(self) -> str:
-        """Describe the loss in words."""
         unsure = f"± {self.uncertainty_percent:g} %"
         if self.bar is not None:
             return f"{self.bar:g} bar at {self.speed_m_s:g} m/s {unsure}"

@@ -205,7 +205,6 @@ class Recording:
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """All columns as a table."""
         return pd.DataFrame(dict(self.columns), copy=False)
 
     def __len__(self) -> int:

@@ -1,7 +1,7 @@
 """Store recordings on disk: one Parquet file each, with the metadata inside it."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -79,12 +79,6 @@ def recording_paths(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.parquet"))
 
 
-def iterate_recordings(folder: Path) -> Iterator[Recording]:
-    """Yield the recordings of a folder, sorted by name; memory holds one at a time."""
-    for path in recording_paths(folder):
-        yield read_recording(path)
-
-
 def read_stored(folder: Path) -> list[Recording]:
     """Read all recordings of a folder, sorted by name.
 
@@ -98,4 +92,4 @@ def read_stored(folder: Path) -> list[Recording]:
         >>> len(read_stored(folder)) == len(labelled)
         True
     """
-    return list(iterate_recordings(folder))
+    return [read_recording(path) for path in recording_paths(folder)]

@@ -15,7 +15,7 @@ from cylinder_friction.evaluation.truth import known_truth
 from cylinder_friction.files.whole_files import read_json, read_yaml, write_json
 from cylinder_friction.params.composing import as_run_params
 from cylinder_friction.params.file import PARAMS_FILE
-from cylinder_friction.recordings.storage import iterate_recordings, read_stored
+from cylinder_friction.recordings.storage import read_recording, read_stored, recording_paths
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (
@@ -148,7 +148,7 @@ def _reported(candidate: str) -> dict[str, dict[str, float]]:
 
 def _example(model: Path) -> dict[str, list[float]]:
     """Read the first rows of the first held-out recording, by input of the model."""
-    first = next(iterate_recordings(PROCESSED_FOLDERS["test"]), None)
+    first = next(map(read_recording, recording_paths(PROCESSED_FOLDERS["test"])), None)
     if first is None:
         raise TrackingError(f"{PROCESSED_FOLDERS['test']}: holds no held-out recording; run the split stage")
     inputs = read_json(model / DESCRIPTION_FILE)["input"]

@@ -31,7 +31,6 @@ class StatedLoad:
         return cls(force_n, within_n)
 
     def in_words(self) -> str:
-        """Describe the load in words."""
         return f"{self.force_n:g} ± {self.within_n:g} N, as stated"
 
 

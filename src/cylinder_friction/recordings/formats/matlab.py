@@ -1,17 +1,16 @@
 """Read MATLAB files: version 5 (``save -v6`` and ``-v7``) with SciPy, version 7.3 as HDF5."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.extras import not_installed
+from cylinder_friction.recordings.formats import hdf5
 from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
-from cylinder_friction.recordings.formats.hdf5 import SIGNATURE
-from cylinder_friction.recordings.recording import RecordingError
 
 VERSION_5 = b"MATLAB 5.0 MAT-file"
 
@@ -95,10 +94,8 @@ def _tree(value: Any) -> Any:
 
 
 def _read_73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    try:
-        import h5py
-    except ImportError:
-        raise RecordingError(f"reading a MATLAB 7.3 file needs {not_installed('h5py', 'hdf5')}") from None
+    replace(hdf5.FORMAT, what="a MATLAB 7.3 file").refuse_missing_library()
+    import h5py
 
     with h5py.File(source.handle(), "r") as file:
         found = Found()
@@ -158,6 +155,6 @@ FORMAT = Format(
     "a MATLAB file",
     read_matlab,
     starts=(VERSION_5, b"MATLAB 7.3 MAT-file"),
-    fits=lambda head: head[512:].startswith(SIGNATURE),
+    fits=lambda head: head[512:].startswith(hdf5.SIGNATURE),
     crashes="the MATLAB reader",
 )

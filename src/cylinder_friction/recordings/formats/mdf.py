@@ -80,9 +80,8 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
     names = [channel.name.strip() for channel in group.channels]
     read = names_to_read(names, wanted)
     for number in sorted(range(len(names)), key=lambda number: number != master):
-        name, signal = names[number], None
-        if name in read:
-            signal = file.get(group=index, index=number, raw=False, ignore_invalidation_bits=True)
+        name = names[number]
+        signal = file.get(group=index, index=number, raw=False, ignore_invalidation_bits=True) if name in read else None
         if signal is None or signal.samples.dtype.kind not in "biuf" or signal.samples.ndim > 1:
             unread.append(name)
             continue

@@ -34,8 +34,7 @@ class TimeRules:
     def __post_init__(self) -> None:
         rate_is_valid = self.rate_hz is None or 0.0 < self.rate_hz < math.inf
         expect(rate_is_valid, "rate_hz", "a positive number or None", self.rate_hz)
-        lost = self.longest_bridge_samples
-        expect(lost >= 0, "longest_bridge_samples", "0 or more", lost)
+        expect(self.longest_bridge_samples >= 0, "longest_bridge_samples", "0 or more", self.longest_bridge_samples)
 
 
 def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
