@@ -101,7 +101,8 @@ def test_units_of_the_header(read, header: str, units: dict[str, str]) -> None: 
         ("LabVIEW Measurement\t\nt\tp A\tComment\n" + "0\t1.5\n" * 9, {}, "p A", [1.5] * 9),
         ("t;p\n0;1.5\n1;broken\n3;-2e1\n", {}, "p", [1.5, "broken", -20.0]),
         ("t;p\n0;1.5\n" + "1;2\n" * 60 + '2;"3"\n3;broken\n', {}, "p", [1.5, *[2.0] * 60, 3.0, "broken"]),
-        ("t;p\n0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n", {}, "p", [1.5, "1.234,5", "3.845", 2.5]),  # points and commas
+        ("t;p\n0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n", {}, "p", [1.5, 1234.5, "3.845", 2.5]),  # points and commas
+        ("t;p\n0;-1,234,567.5\n1;950.5\n2;1.5D+02\n", {}, "p", [-1234567.5, 950.5, 150.0]),
         ("t;p\n0;high\n1;high\n" + "2;1.5\n" * 18, {}, "p", ["high", "high", *[1.5] * 18]),
         ("t;p\n" + "1;+  7.205\n" * 5, {}, "p", [7.205] * 5),
         ("t;p\n" + "0;1.5\n1;2\n" * 40, {}, "t", [0, 1] * 40),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -28,8 +28,11 @@ MISSING = ("", *_NO_SAMPLE.split(), *_NAN_OF_WINDOWS.split())
 OVER_RANGE = r"[+-]?(?:∞|ol|over(?:load|flow|range)?)|[+]{5,6}|-{5,6}|[*]{5,6}"
 """Cells of a value beyond the range of the logger's input, in upper or lower case."""
 
-POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
+POINT_NUMBER, COMMA_NUMBER = (
+    rf"[+-]? *(?:\d{{1,3}}(?:{other}\d{{3}})+{sign}\d*|\d+{sign}?\d*|{sign}\d+)(?:(?:[eE][+-]?|[dD][+-])\d+)?"
+    for sign, other in ((r"\.", ","), (",", r"\."))
+)
+"""Numbers with either decimal sign. If the other sign separates thousands, a decimal sign shows that it does."""
 
 _MISSING, _OVER_RANGE = frozenset(MISSING), re.compile(OVER_RANGE, re.IGNORECASE)
 _FORMS = {".": POINT_NUMBER, ",": COMMA_NUMBER, None: f"{POINT_NUMBER}|{COMMA_NUMBER}"}
@@ -37,22 +40,19 @@ _NUMBERS = {sign: re.compile(rf"{form}|[+-]?inf(?:inity)?", re.IGNORECASE) for s
 DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}[- ][A-Za-z]{3}[- ](?:\d{4}|\d{2}))"
 TIME_OF_DAY = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?"
 ZONE = r"(?:Z|[+-]\d{2}:?\d{2}|(?:UTC|GMT)(?:[+-]\d{1,2}(?::?\d{2})?)?)"
-CLOCK = f"{TIME_OF_DAY}(?: ?{ZONE})?"
-_CELL_DATE = rf"(?:{DATE}|\d{{1,2}}[-/.]\d{{1,2}}[-/.]\d{{2}})"
-_DATE_OR_CLOCK = re.compile(
-    rf"'?{_CELL_DATE}(?:[T ,]+{TIME_OF_DAY}(?: ?(?:{ZONE}|[A-Z]{{2,5}}))?)?|{CLOCK}|\d{{8}}T\d{{6}}(?:[.,]\d{{1,9}})?Z?"
-)
 _CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:;](?P<f>\d{1,9}))?)?\s*(?P<half>[AaPp][Mm])?"
 _TIME_OF_DAY = f"^{_CLOCK_PARTS}$"
 _MINUTES = r"^(?P<M>\d{1,2}):(?P<S>\d{2})[.,](?P<f>\d{1,9})$"  # as Excel shows a time of day: mm:ss.0
 _WITH_UNIT = r"^(?P<number>[+-]?[\d.,eE+-]*\d)\s*(?P<unit>[^\d\s.,:;+-][^\d\s:]*)$"
 _REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>{ZONE}|[A-Z]{{2,5}})?$"
 _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
-_BASIC = r"^(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})T(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d+))?(?P<zone>Z?)$"
+_BASIC = r"^(?P<Y>\d{4})(?P<m>\d\d)(?P<d>\d\d)[T_ ]?(?P<H>\d\d)(?P<M>\d\d)(?P<S>\d\d)[.,]?(?P<f>\d{0,9})(?P<zone>Z?)$"
 _DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
 _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
 _SHORT_YEAR = r"^'?(?P<d>\d{1,2})[-/.](?P<m>\d{1,2})[-/.](?P<Y>\d{2})" + _REST
 _NAMED_MONTH = r"^(?P<d>\d{1,2})[- ](?P<m>[A-Za-z]{3})[- ](?P<Y>\d{4}|\d{2})" + _REST
+_STAMPS = (_TIME_OF_DAY, _MINUTES, _YEAR_FIRST, _BASIC, _DOTS, _EITHER, _SHORT_YEAR, _NAMED_MONTH)
+_STAMP = re.compile(re.sub(r"\?P<\w+>", "?:", "|".join(_STAMPS)))
 _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
 
@@ -68,7 +68,7 @@ def is_number(cell: str, decimal: str | None) -> bool:
 
 def is_value(cell: str, decimal: str | None) -> bool:
     """Check whether a cell is a number, a date or a time of day."""
-    return bool(_NUMBERS[decimal].fullmatch(cell) or _DATE_OR_CLOCK.fullmatch(cell))
+    return bool(_NUMBERS[decimal].fullmatch(cell) or _STAMP.fullmatch(cell))
 
 
 class CellValues(NamedTuple):
@@ -84,6 +84,8 @@ class CellValues(NamedTuple):
 def column_values(column: Any, decimal: str | None, name: str) -> CellValues:
     """Read an Arrow column; a null becomes NaN or NaT, a date ``datetime64[ns]`` (in UTC if it has a time zone)."""
     kind, types = column.type, pa.types
+    if types.is_dictionary(kind):
+        return column_values(column.cast(kind.value_type), decimal, name)
     if types.is_null(kind):
         return CellValues(np.full(len(column), np.nan))
     if types.is_time(kind) or types.is_duration(kind):
@@ -100,14 +102,16 @@ def column_values(column: Any, decimal: str | None, name: str) -> CellValues:
         column = column.cast(pa.float64())
     elif not (types.is_integer(kind) or types.is_floating(kind)):
         return _text_values(column, decimal, name)
-    return CellValues(np.asarray(column.to_numpy()), utc=utc)
+    dated = types.is_integer(kind) and len(column) and re.match(_BASIC, str(column[0]))
+    dates = stamps_of(column.cast(pa.string()), name) if dated else None  # such as 20260314081500000
+    return dates or CellValues(np.asarray(column.to_numpy()), utc=utc)
 
 
 def _text_values(column: Any, decimal: str | None, name: str) -> CellValues:
     """Read a text column as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else keep the text.
 
-    If the decimal sign is a comma, a cell with a point stays text, because the point may separate thousands. Cells that
-    mark a value beyond the range become missing samples.
+    If the decimal sign is a comma, a cell with only a point stays text, because the point may separate thousands. Cells
+    that mark a value beyond the range become missing samples.
     """
     text = pc.utf8_trim_whitespace(column.cast(pa.string()))
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
@@ -135,9 +139,9 @@ def _text_values(column: Any, decimal: str | None, name: str) -> CellValues:
 
 def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
     """Convert the cells that match ``number``, and keep the others as text; a null becomes NaN."""
-    plain = pc.if_else(number, text, None)
-    plain = pc.replace_substring(plain, ",", ".") if decimal == "," else plain
-    plain = pc.replace_substring(pc.utf8_ltrim(plain, characters="+ "), " ", "")
+    thousands = "." if decimal == "," else ","
+    plain = pc.replace_substring_regex(pc.if_else(number, text, None), rf"^\+|[ {thousands}]", "")
+    plain = pc.replace_substring_regex(pc.replace_substring(plain, ",", "."), "[dD]", "e")  # Fortran's exponents
     numbers: NDArray[Any] = plain.cast(pa.float64()).to_numpy()
     words = pc.and_(pc.fill_null(pc.invert(number), False), text.is_valid()).to_numpy()
     if not words.any():
@@ -154,7 +158,7 @@ def stamps_of(text: Any, name: str) -> CellValues | None:
     slashes, the first row that can only be read one way decides for the column. Stamps with a time zone are converted
     to UTC; letters such as CET name no zone for certain.
     """
-    for pattern in (_TIME_OF_DAY, _MINUTES, _YEAR_FIRST, _BASIC, _DOTS, _EITHER, _SHORT_YEAR, _NAMED_MONTH):
+    for pattern in _STAMPS:
         if (found := _fields(text, pattern)) is None:
             continue
         fields = {"Y": "1970", "m": "1", "d": "1", "H": "0", "half": "", "zone": "", **found}
@@ -227,32 +231,37 @@ def _instants(fields: dict[str, Any]) -> Any | None:
 _KEY = re.compile(
     r"(?:(?:test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)?"
     r"(?:start|begin|beginn|date|datum|time|zeit|uhrzeit|timestamp|(?:start|date)(?:date|time|timestamp|zeit|datum)))"
-    r"|started|recorded(?:at)?"
+    r"|started|recorded(?:at)?|starttimeofexport"
 )
 """Words before a start in a header, in lower case, letters only."""
 _LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
 _SPAN = re.compile(r"(test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)(time|zeit)")
 """Words before a duration, or before a time of day if the date has the same first word."""
 _DATE = re.compile(rf"(?<!\d){DATE}(?!\d)")
+_COUNT = re.compile(r"[=\s\"]*(\d{5,18}(?:[.,]\d+)?)(?![\w.:/-]|,\d)")
 _CLOCK = re.compile(rf"(?<!\d)(?P<time>{TIME_OF_DAY})(?: ?(?P<zone>{ZONE}))?(?: ?(?P<letters>[A-Z]{{2,4}}[TZ])\b)?")
 
 
-def start_in_header(lines: list[str], delimiter: str) -> Start | None:
+def start_in_header(lines: list[str]) -> Start | None:
     """Read the start in the lines above a text table's rows; None without an unambiguous date.
 
-    It reads the FILETIME of the TwinCAT Scope, lines such as ``Start time: 2026-03-27 10:15:00``, and a date and a time
-    of day on separate lines. A time of 00:00:00 is that of a date alone, as spreadsheets write it.
+    It reads lines such as ``Start time: 2026-03-27 10:15:00``, a date and a time of day on separate lines, and numbers:
+    the FILETIME of the TwinCAT Scope, seconds since 1970, days of Excel (which have a fraction). A time of 00:00:00 is
+    that of a date alone, as spreadsheets write it.
     """
     stated = list[tuple[str, str, str]]()
     for line in lines:
-        cells = line.split(delimiter) if delimiter != "whitespace" else [line]
-        if cells[0].strip().casefold() == "starttime of export" and len(cells) > 1 and cells[1].strip().isdecimal():
-            return Start(FILETIME.stamps(np.array([int(cells[1])]))[0], True, "FILETIME of the header")
         found = _LINE.match(line.rstrip())
         name, _, zone = found[1].partition("(") if found else ("", "", "")  # Start time (UTC)
         if found and _KEY.fullmatch(key := re.sub(r"[\W_]", "", name).casefold()):
             utc = " UTC" if zone.upper().startswith(("UTC", "GMT")) else ""
             stated.append((key, re.sub("[()]", "", found[2]) + utc, f"header line {line.strip()[:60]!r}"))
+    for key, text, where in stated:
+        if count := _COUNT.match(text):
+            number = int(count[1]) if count[1].isdecimal() else float(count[1].replace(",", "."))
+            epoch = _epoch([number], EPOCHS)
+            if epoch and (epoch.unit_ns < DAY_NS or (isinstance(number, float) and re.search("start|begin|dat", key))):
+                return Start(epoch.stamps(np.array([number]))[0], epoch.utc, where)
     dated = next(((date[0], *each) for each in stated if (date := _DATE.search(each[1]))), None)
     if dated is None:
         return None
@@ -314,17 +323,21 @@ def is_future(moment: np.datetime64) -> bool:
     return bool(moment > np.datetime64("now") + np.timedelta64(1, "D"))
 
 
+def _epoch(numbers: Sequence[float], epochs: Iterable[Epoch]) -> Epoch | None:
+    """Find the epoch in which all numbers are dates between 2000 and tomorrow."""
+    times = ((each, [(number - each.of_1970) * each.unit_ns * 1e-9 for number in numbers]) for each in epochs)
+    latest_s = time.time() + DAY_S
+    return next((each for each, own in times if EARLIEST_S < min(own) <= max(own) < latest_s), None)
+
+
 def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
     """Find the epoch of a channel's numbers, shape ``(n,)``, also by its name; None if they are not dates."""
     known = numbers[np.isfinite(numbers)] if numbers.dtype.kind == "f" else numbers
     if numbers.dtype.kind not in "iuf" or len(known) < 3:
         return None
-    latest_s, ends = time.time() + DAY_S, (float(known[0]), float(known[-1]))
-    epochs = (*EPOCHS, WINCC) if name.casefold() == "time_ms" else EPOCHS
-    for found in epochs:
-        if all(EARLIEST_S < (end - found.of_1970) * found.unit_ns * 1e-9 < latest_s for end in ends):
-            break
-    else:
+    ends = float(known[0]), float(known[-1])
+    found = _epoch(ends, (*EPOCHS, WINCC) if name.casefold() == "time_ms" else EPOCHS)
+    if found is None:
         return None
     mean_s = abs(ends[1] - ends[0]) / (len(known) - 1) * found.unit_ns * 1e-9
     longest_s = LONGEST_OF_DAYS_S if found.unit_ns == DAY_NS else LONGEST_STEP_S

@@ -68,7 +68,7 @@ def read_delimited(
     above, below = lines[: layout.first_row], lines[layout.first_row :]
     begin = text.start + sum(map(len, above))
     header = [line.decode() for line in above]
-    start, rate_hz = start_in_header(header, layout.delimiter), rate_in_header(header, layout.delimiter)
+    start, rate_hz = start_in_header(header), rate_in_header(header, layout.delimiter)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
     parts, repeated = 1 if rows is None else max(1, round(size / row_size / rows)), repeated_names(layout.names)
     if parts > 1 and repeated and source.size > MOST_INDIVISIBLE:
@@ -159,16 +159,12 @@ class _Rows:
         parsing = pa_csv.ParseOptions(delimiter=delimiter, ignore_empty_lines=width > 1)
         cells = pa_csv.ConvertOptions(
             decimal_point=self.layout.decimal or ".",
-            null_values=[""],
+            null_values=MISSING,
             strings_can_be_null=True,
             include_columns=included,
         )
         try:
-            table = pa_csv.read_csv(self._stream(padded), reading, parsing, cells)
-            if any(pa.types.is_string(each.type) for each in table.columns):
-                cells.null_values = MISSING  # they slow down the reading of numbers
-                table = pa_csv.read_csv(self._stream(padded), reading, parsing, cells)
-            return table
+            return pa_csv.read_csv(self._stream(padded), reading, parsing, cells)
         except pa.ArrowInvalid as error:
             self._refuse_ragged_line()
             raise RecordingError(f"cannot be read as a text table: {error}") from None
@@ -404,10 +400,8 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
     stated = ((names, units) for names, line in pairs if (units := _units_in_line(line)) and not _units_in_line(names))
     # If the line of units has a heading, such as Unit, the names may be below it, and other such lines around it.
     headed = next((units for line in block if _UNIT_WORD.search(line[0]) and (units := _units_in_line(line))), None)
-    plain = [cells for cells in block if not any(is_value(cell, None) for cell in cells)]
-    plain = [
-        cells for cells in plain if not _units_in_line(cells) and all(one != other for one, other in pairwise(cells))
-    ]
+    plain = [cells for cells in block if not _units_in_line(cells) and all(map(str.__ne__, cells, cells[1:]))]
+    plain = [cells for cells in plain if not any(is_value(cell, None) for cell in cells)]
     if not block:
         cells, units = [], None
     elif scope := _scope_names(above, grid):

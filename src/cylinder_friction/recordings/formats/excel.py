@@ -40,22 +40,16 @@ def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[Logge
 
 def _as_text(sheet: Any) -> FileSource:
     sheet.reset_dimensions()  # some programs state too small a size
-    rows = []
-    for row in sheet.iter_rows(values_only=True):
-        cells = [_cell(value) for value in row]
-        while cells and not cells[-1]:
-            cells.pop()
-        if cells:
-            rows.append(cells)
-    width = max((len(row) for row in rows), default=0)
-    content = "".join("\t".join([*row, *[""] * (width - len(row))]) + "\n" for row in rows).encode()
+    rows = [cells for row in sheet.iter_rows(values_only=True) if any(cells := [_cell(value) for value in row])]
+    width = max((number for row in rows for number, cell in enumerate(row, start=1) if cell), default=0)
+    content = "".join("\t".join([*row, *[""] * width][:width]) + "\n" for row in rows).encode()
     return FileSource(content, content[:HEAD_SIZE], len(content))
 
 
 def _cell(value: Any) -> str:
     if isinstance(value, str):
         text = " ".join(value.split())
-        return text.replace(",", ".") if re.fullmatch(COMMA_NUMBER, text) else text
+        return text.replace(".", "").replace(",", ".") if re.fullmatch(COMMA_NUMBER, text) else text
     if isinstance(value, datetime):
         return value.isoformat(sep=" ")
     if isinstance(value, timedelta):

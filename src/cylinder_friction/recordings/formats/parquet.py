@@ -46,14 +46,9 @@ def _parts(source: FileSource, wanted: Collection[str] | None, rows: int | None)
         for batch in file.iter_batches(-(-count // number), **given):
             table = pa.Table.from_batches([batch])
             named = zip(table.column_names, table.columns, strict=True)
-            found = columns_of([(plain[name], _decoded(column)) for name, column in named], ".", wanted)
+            found = columns_of([(plain[name], column) for name, column in named], ".", wanted)
             notes, frame = tuple(found.notes), named_columns(found.columns)
             yield LoggedTable(frame, units | found.units, unread=unread, notes=notes, utc=found.utc, parts=number)
-
-
-def _decoded(column: Any) -> Any:
-    column = column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
-    return column.cast(pa.string()) if pa.types.is_large_string(column.type) else column
 
 
 def _name(field: Any) -> str:
