@@ -1,5 +1,6 @@
 """First mappings: right where the file tells, marked where it does not, and always YAML."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -95,13 +96,8 @@ BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
         (PAIR | {"Load cell [kN]": X}, [*PAIR, "Load cell [kN]"], "it must be positive when it resists extension"),
         (PAIR | {"Friction [N]": X}, list(PAIR), "#   Friction [N]"),
         *[(CRANE | dict(zip(each, (P1, P2, STROKE), strict=True)), ["Name", *each], "") for each in (JIB, JIB_APART)],
-        ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "NOT FOUND: name the channel"),
         ({"column_1": CRANE["Name"], "y": STROKE}, ["column_1", *["NOT FOUND"] * 3], "#   y: values 0 to 1"),
-        (
-            PAIR | {"p2": "", "pB [furlong]": P2},
-            ["t", "p1", "NOT FOUND", "x"],
-            "'pB [furlong]' states the unit 'furlong'",
-        ),
+        (PAIR | {"p2": "", "pB [furlong]": P2}, ["t", "p1", "NOT FOUND", "x"], "'pB [furlong]' states the unit 'furl"),
     ],
 )
 def test_columns_are_found_and_doubts_marked(channels: dict[str, Any], found: list[str], words: str) -> None:
@@ -173,9 +169,7 @@ def test_a_clock_is_told_from_a_count(clocks: dict[str, Any], given: str, entry:
 def test_one_row_per_value_is_named_with_its_pivot() -> None:
     tags = np.array(["pA", "pB", "Weg"] * 100, dtype=object)
     table = pd.DataFrame({"Tag": tags, "Zeit": np.repeat(TIME[:100], 3), "Wert": np.tile([7.0, 9.0, 75.0], 100)})
-    words = (
-        r"one row per value: 'Tag' names 'pA', 'pB', 'Weg' in turn, and 'Wert' holds .*pivot\(index='Zeit', columns='Ta"
-    )
+    words = r"one row per value: 'Tag' names 'pA', 'pB', 'Weg' in turn, and 'Wert' holds .*pivot\(index='Zeit', colu"
     with pytest.raises(RecordingError, match=words):
         guess_mapping([LoggedTable(table)], PATH)
 
@@ -203,6 +197,25 @@ def test_of_two_clocks_a_channel_has_the_one_that_ends_with_it() -> None:
     }
     found = channels_of(text_of(slow | {"Time 1 [s]": TIME} | MEASURED))
     assert (found["time_s"]["channel"], found["oil_temperature_c"]["time"]) == ("Time 1 [s]", "Time 2 [s]")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_of_clocks_and_channels_in_turn_each_channel_has_the_one_beside_it(turned: bool) -> None:
+    clocks = {f"t{number} [s]": TIME + 0.1 * number for number in (1, 2, 3)}
+    in_turn = [pair for both in zip(clocks.items(), MEASURED.items(), strict=True) for pair in both]
+    text = text_of(dict(reversed(in_turn) if turned else in_turn))
+    assert channels_of(text)["time_s"]["channel"] == "t1 [s]"
+    assert [entry.get("time") for entry in channels_of(text).values()] == [None, None, "t2 [s]", "t3 [s]"]
+    assert "AMBIGUOUS: " not in text
+
+
+@pytest.mark.parametrize("name", ["t", "p1", "x", "Value", "p_supply"])
+def test_columns_of_one_name_are_refused_if_one_may_be_needed(name: str) -> None:
+    channels = {key: own for key, own in PAIR.items() if key != "x" or name != "Value"}
+    twice = pd.concat([pd.DataFrame(channels), pd.DataFrame({name: P1}), pd.DataFrame({name: P2})], axis=1)
+    words = f"columns have the name {name!r}, so that no mapping can name one of them; give each a name of its own"
+    with pytest.raises(RecordingError, match=words) if name != "p_supply" else nullcontext():
+        guess_mapping([LoggedTable(twice)], PATH)
 
 
 def test_the_pattern_of_names_finds_condition_and_session() -> None:

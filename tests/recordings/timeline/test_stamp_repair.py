@@ -49,6 +49,12 @@ def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
     assert (len(ordered.time_s), ordered.repairs) == (200, ())
 
 
+@pytest.mark.parametrize(("by_s", "hour"), [(3600.0, ", an hour back: the end of summer time"), (7200.0, ")")])
+def test_a_clock_set_back_by_an_hour_is_named(by_s: float, hour: str) -> None:
+    (repair,) = order_stamps(back(200, by_s)(good()), np.zeros(ROWS, dtype=np.bool_)).repairs
+    assert repair.startswith(f"split at 1 restart of the clock (first: row 201, from 0.995 to {1.0 - by_s:g} s{hour}")
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -56,6 +62,7 @@ def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
         (np.zeros_like, "time_s stands at 0 s in all 400 rows, expected increasing time"),
         (lambda time_s: -time_s, "time_s runs backwards from row to row in all 400 rows, expected increasing time"),
         (stamps(dict.fromkeys(range(30, 60), np.nan)), "time_s is not a number, or beyond 1e+11 s, in 30 of 400"),
+        (lambda time_s: time_s + 20260314081500.0, "at most 5 %; write a date such as 20260314081500.005 as 2026-03-"),
         (lambda time_s: np.random.default_rng(0).permutation(time_s), "time_s goes back in row "),
         (rows(1, 0), "goes back in row 102, from 0.505 to 0.5 s, and does not run on from there: rows are swapped, or"),
         (rows(*range(8, 16), *range(8)), "goes back in row 109, from 0.575 to 0.5 s"),

@@ -110,7 +110,6 @@ def electrical(unit: str) -> str | None:
 
 
 def of_stroke(column: str, unit: str) -> bool:
-    """Check whether a column is a percentage of the stroke."""
     return column == POSITION and electrical(unit) == "%"
 
 
@@ -205,11 +204,6 @@ def to_column_unit(values: Array, unit: str, column: str) -> Array:
     return scaled if offset == 0.0 else scaled + offset
 
 
-def column_scale(column: str, unit: str) -> float:
-    """Return the factor from ``unit`` to the column's unit for differences: 1 °F is 5/9 °C."""
-    return check_unit(column, unit)[0]
-
-
 @cache
 def units_agree(stated: str, configured: str) -> bool:
     """Check whether the unit that a file states for a channel agrees with the configured unit.
@@ -272,7 +266,6 @@ class SensorScale:
 
     @property
     def identity(self) -> dict[str, str]:
-        """Serial number and day of calibration, if stated."""
         stated = {"serial": self.serial, "calibrated": self.calibrated}
         return {name: value for name, value in stated.items() if value}
 
@@ -376,7 +369,6 @@ class ChannelMapping:
 
     @property
     def absolute(self) -> bool:
-        """Whether the channel is an absolute pressure."""
         return stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
@@ -450,7 +442,7 @@ def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimi
         sensor = source.sensor
         if sensor is None:
             continue
-        offset = source.offset * column_scale(column, source.reading_unit)
+        offset = source.offset * check_unit(column, source.reading_unit)[0]
         ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
         step = sensor_step(column, sensor, source.unit)
         described = f"{min(sensor.range):g} to {max(sensor.range):g} {sensor.unit}"
@@ -477,7 +469,7 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
         zero, span = share * sensor.full_scale, 0.0
         if sensor.zero_uncertainty is not None:
             zero, span = sensor.zero_uncertainty, share
-        stated[column] = SensorUncertainty(zero * column_scale(column, sensor.unit), span, resolution)
+        stated[column] = SensorUncertainty(zero * check_unit(column, sensor.unit)[0], span, resolution)
     return stated
 
 
@@ -489,4 +481,4 @@ def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> flo
         steps = 2.0**sensor.bits
     else:
         return None
-    return sensor.full_scale * column_scale(column, sensor.unit) / steps
+    return sensor.full_scale * check_unit(column, sensor.unit)[0] / steps

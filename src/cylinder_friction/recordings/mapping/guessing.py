@@ -58,6 +58,7 @@ For time they bound the step, for length the travel. The pressures of one file s
 """
 GREATEST_PRESSURE_PA = 7e7  # Pressure on the piston that gives the greatest credible force of a cylinder [Pa]
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
+STATE_RATE = "state the rate of the rows: --unit time=200Hz, or time_s: {rate_hz: 200} in the mapping"
 EVEN_SHARE = 0.01
 """Largest difference between median and mean step of an even clock, as a share."""
 
@@ -84,7 +85,6 @@ class ChannelFacts:
     text: str  # Its first cell that is not a number; empty if there is none
 
     def described(self) -> str:
-        """Describe its values in words."""
         if self.dates:
             return "dates"
         return "no numbers" if math.isnan(self.low) else f"values {self.low:.4g} to {self.high:.4g}"
@@ -296,21 +296,23 @@ def guess_mapping(
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
+    _refuse_repeated(tables, complete=all(column in chosen for column in wanted[1:]))
     why = "" if rate_hz else _time_unknown(ranked[TIME], facts)
     if POSITION not in chosen:
         _refuse_row_per_tag(tables, [time for time, _ in ranked[TIME]])
     stamps: dict[str, ChannelFacts] = {}
     for column, channel in chosen.items() if not (rate_hz or why) else ():
         free = [time for time, _ in ranked[TIME] if time.table == channel.table and time not in chosen.values()]
-        # Of two clocks in a table, the one that is as long as the channel.
-        stamps |= {column: min(free, key=lambda time: abs(time.count - channel.count))} if free else {}
+        stamps |= {column: _clock_of(channel, facts, free)} if free else {}
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time
     elif not chosen and ranked[TIME] and not (rate_hz or why):
         chosen[TIME] = ranked[TIME][0][0]
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
-    columns = {column: _guessed(column, chosen, ranked[column], facts, cylinder, units or {}) for column in wanted}
+    columns = {
+        column: _guessed(column, chosen, used, ranked[column], facts, cylinder, units or {}) for column in wanted
+    }
     if TIME not in chosen:
         rate_hz = rate_hz or tables[0].rate_hz
         entry, checks = {"rate_hz": rate_hz} if rate_hz else {}, (why,) if why else columns[TIME].checks
@@ -324,6 +326,25 @@ def guess_mapping(
     return GuessedMapping(path, columns, tuple(channel for channel in facts if id(channel) not in used))
 
 
+def _clock_of(channel: ChannelFacts, facts: Sequence[ChannelFacts], clocks: Sequence[ChannelFacts]) -> ChannelFacts:
+    """Choose a channel's clock: the one beside it if clocks and channels are in turn, else the one as long as it."""
+    there = [each for each in facts if each.table == channel.table]
+    beside = there[there.index(channel) ^ 1 :][:1]
+    in_turn = [(each in clocks) == (there[0] in clocks) for each in there] == [True, False] * (len(there) // 2)
+    return min(clocks, key=lambda time: (not in_turn or time not in beside, abs(time.count - channel.count)))
+
+
+def _refuse_repeated(tables: Sequence[LoggedTable], complete: bool) -> None:
+    """Refuse columns of one name, one of which may be needed; if the guess is not ``complete``, also unknown ones."""
+    for table in tables:
+        for name, count in Counter(map(str, table.channels.columns)).items():
+            words = words_of(name)
+            measures = words.quantity or quantity_of(table.units.get(name, words.unit)) or ("" if complete else "time")
+            if count > 1 and words.side >= 0 and measures in ("time", "pressure", "length"):
+                problem = f"{count} columns have the name {name!r}, so that no mapping can name one of them"
+                raise RecordingError(f"{problem}; give each a name of its own in the file")
+
+
 def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
     """State why no channel is accepted as time, and what to do; empty if one is.
 
@@ -331,19 +352,18 @@ def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
     """
     if ranked and (ranked[0][0].dates or ranked[0][0].unit or ranked[0][0].words.quantity == "time"):
         return ""
-    rate = "state the rate of the rows: --unit time=200Hz, or time_s: {rate_hz: 200} in the mapping"
     unread = (each for each in facts if each.words.quantity == "time" and each.text and math.isnan(each.low))
     if unreadable := next(unread, None):
         return (
             f"{unreadable.name!r} is named like time, but its cells cannot be read, such as {unreadable.text[:40]!r}; "
-            f"expected dates, times of day, durations or numbers; correct them, or {rate}"
+            f"expected dates, times of day, durations or numbers; correct them, or {STATE_RATE}"
         )
     count = next((each for each in facts if each.counts and not each.unit), None)
     if count is None or ranked:
         return ""
     return (
-        f"{count.name!r} steps by exactly 1, so that it may count rows, and not time; {rate}; or, if it is a clock, "
-        "its unit: --unit time=ms, or unit: ms in the mapping"
+        f"{count.name!r} steps by exactly 1, so that it may count rows, and not time; {STATE_RATE}; or, if it is a "
+        "clock, its unit: --unit time=ms, or unit: ms in the mapping"
     )
 
 
@@ -367,6 +387,7 @@ def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelF
 def _guessed(
     column: str,
     chosen: Mapping[str, ChannelFacts],
+    used: Collection[int],
     ranked: Ranked,
     facts: Sequence[ChannelFacts],
     cylinder: Cylinder | None,
@@ -375,12 +396,11 @@ def _guessed(
     channel = chosen.get(column)
     if channel is None:
         return GuessedColumn(column, None, checks=_in_another_unit(column, facts))
-    taken = {id(other) for other in chosen.values()}
     least = next(score for other, score in ranked if other is channel) - NEARLY
     others = tuple(
         other
         for other, score in ranked
-        if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
+        if id(other) not in used and score >= least and not (column == TIME and other.table != channel.table)
     )
     pair = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else []
     reasons, checks = [_meaning(column, channel, pair)], _meaning_checks(column, channel, pair)

@@ -16,13 +16,13 @@ from cylinder_friction.recordings.columns import OIL_TEMPERATURE, QUANTITIES, TI
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
-    column_scale,
+    check_unit,
     quantity_of,
     stated_reference,
     to_column_unit,
     units_agree,
 )
-from cylinder_friction.recordings.mapping.guessing import ChannelFacts, clocks_of
+from cylinder_friction.recordings.mapping.guessing import STATE_RATE, ChannelFacts, clocks_of
 from cylinder_friction.recordings.recording import RecordingError, Signal, Start
 
 RATE_AGREES = 0.05  # Largest difference of a stated rate from a time channel's, as a share: stamps are rounded or lost
@@ -161,7 +161,7 @@ def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
     """
     if not clock.unit and not clock.dates and clock.counts:
         return None
-    known = (1e-9,) if clock.dates else (column_scale(TIME, clock.unit),) if clock.unit else TIME_UNITS_S
+    known = (1e-9,) if clock.dates else (check_unit(TIME, clock.unit)[0],) if clock.unit else TIME_UNITS_S
     rates_hz = [1.0 / (step * scale) for scale in known for step in (clock.mean_step, clock.step) if step > 0.0]
     nearest_hz = min(rates_hz, key=lambda rate: min(abs(math.log(own / rate)) for own in own_hz), default=None)
     agrees = nearest_hz is None or min(abs(own / nearest_hz - 1.0) for own in own_hz) <= RATE_AGREES
@@ -269,7 +269,23 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
             "expected dates, or numbers with channels.time_s.unit"
         )
     values = _numbers(raw, channel, TIME, unit)
-    return to_column_unit(values - time.offset if time.offset else values, unit, TIME)
+    time_s = to_column_unit(values - time.offset if time.offset else values, unit, TIME)
+    _refuse_digits_of_a_clock(time_s, channel)
+    return time_s
+
+
+def _refuse_digits_of_a_clock(time_s: Array, channel: str) -> None:
+    """Refuse a time of day as one number (HHMMSS), which steps by 40 s more at a full minute."""
+    known = time_s[np.isfinite(time_s)]
+    jumps = np.flatnonzero(np.diff(known) >= 40.0)
+    ends_s = known[[jumps, jumps + 1]]
+    passed_s = np.diff(ends_s - 40.0 * (ends_s // 1e2) - 2400.0 * (ends_s // 1e4), axis=0)[0]
+    if (passed_s <= 1.0).any() and (known % 1e2).max() < 60.0 and (known % 1e4).max() < 6000.0:
+        before_s, after_s = ends_s[:, np.argmin(passed_s)]
+        raise RecordingError(
+            f"time channel {channel!r} steps from {before_s:.9g} to {after_s:.9g} s, as hours, minutes and seconds in "
+            f"one number (HHMMSS) do; write 10:15:00.005, or {STATE_RATE}"
+        )
 
 
 def _check_unit(table: LoggedTable, channel: str, configured: str, column: str, absolute: bool = False) -> None:

@@ -62,9 +62,11 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
     repairs = []
     if len(lost):
         if len(lost) > min(most_damaged, logged - 3):
+            date = "write a date such as 20260314081500.005 as 2026-03-14 08:15:00.005"
+            remedy = date if 19e12 < time_s[lost[0]] < 21e12 else "check the time channel"
             raise RecordingError(
                 f"time_s is not a number, or beyond {LATEST_S:.0e} s, in {len(lost)} of {logged} rows (first: row "
-                f"{lost[0] + 1}), expected at most {100.0 * DAMAGED_SHARE:.3g} %; check the time channel"
+                f"{lost[0] + 1}), expected at most {100.0 * DAMAGED_SHARE:.3g} %; {remedy}"
             )
         repairs.append(f"{counted(len(lost), 'row')} without a time stamp left out (first: row {lost[0] + 1})")
     stamps = time_s[rows]
@@ -78,10 +80,11 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
     if forward_s.min() >= 0.0:
         return OrderedStamps(stamps, rows, np.zeros(len(rows), dtype=np.int64), tuple(repairs))
     restarts = _restarts(stamps, rows)
-    at = restarts[0]
+    at, back_s = restarts[0], stamps[restarts[0] - 1] - stamps[restarts[0]]
+    hour = ", an hour back: the end of summer time, or a clock without hours" if round(back_s / 60) == 60 else ""
     repairs.append(
         f"split at {counted(len(restarts), 'restart')} of the clock "
-        f"(first: row {rows[at] + 1}, from {stamps[at - 1]:.9g} to {stamps[at]:.9g} s)"
+        f"(first: row {rows[at] + 1}, from {stamps[at - 1]:.9g} to {stamps[at]:.9g} s{hour})"
     )
     segments = np.searchsorted(restarts, np.arange(len(stamps)), side="right")
     return OrderedStamps(stamps, rows, segments, tuple(repairs))
@@ -165,7 +168,7 @@ def _spread(stamps: OrderedStamps, rules: TimeRules) -> tuple[Array, float, floa
     gap = ~within | (surplus_s > tick_s[1:] + (rules.longest_bridge_samples + 1) * step_s)
     stretch = np.concatenate([[0], np.cumsum(gap)])
     _refuse_short_seconds(stamps, firsts, stretch)
-    row_mean, stamp_mean = _means(firsts.astype(np.float64), stretch), _means(stamps_s, stretch)
+    row_mean, stamp_mean = (np.bincount(stretch, each) / np.bincount(stretch) for each in (firsts, stamps_s))
     row_off, stamp_off = firsts - row_mean[stretch], stamps_s - stamp_mean[stretch]
     step_s = 1.0 / whole_hertz(float((row_off**2).sum() / (row_off * stamp_off).sum()))
     off_s = np.abs(stamp_off - step_s * row_off)
@@ -200,11 +203,6 @@ def _refuse_short_seconds(stamps: OrderedStamps, firsts: Indices, stretch: Indic
             f"{rows[short[0]]} rows, a second usually {usual:.0f}: samples are missing somewhere in it; log time with "
             "a finer resolution, or cut the file there"
         )
-
-
-def _means(values: Array, groups: Indices) -> Array:
-    means: Array = np.bincount(groups, weights=values) / np.bincount(groups)
-    return means
 
 
 @dataclass(frozen=True)
