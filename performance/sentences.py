@@ -240,7 +240,7 @@ def holds(interval: tuple[float, float], true: tuple[float, float] | None) -> bo
 
 
 LOSS = "labelling/apparent_loss.py sentence"
-GROWS = r"^\w+ +([\d.e+]+) N of friction at ([\d.]+) m/s grow with speed: .* such as ([\d.]+) bar"
+GROWS = r"^\w+ +([\d.e+]+) N of the force against motion at ([\d.]+) m/s grow with speed: .* such as ([\d.]+) bar"
 
 
 SENTENCES: tuple[tuple[str, str, Truth], ...] = (

@@ -54,11 +54,11 @@ class ApparentLoss:
         growing_n = self.square_n + self.linear_n
         lost_bar = 1e-5 * growing_n / (cylinder.piston_area_m2 * (1.0 + ratio**3))
         return (
-            f"{four_digits(growing_n)} N of friction at {self.speed_m_s:.2g} m/s grow with speed: viscous friction of "
-            f"the cylinder, or what lines between sensors and cylinder lose, such as {lost_bar:.2g} bar (piston side) "
-            f"and {lost_bar * ratio**2:.2g} bar (rod side); strokes cannot tell which. State sensor.line_loss in the "
-            "mapping, {bar: 0} if the sensors are at the cylinder's ports; until then bounds are wider by what lines "
-            "may lose, and Coulomb and viscous friction are not known"
+            f"{four_digits(growing_n)} N of the force against motion at {self.speed_m_s:.2g} m/s grow with speed: "
+            "viscous friction of the cylinder, or what lines between sensors and cylinder lose, such as "
+            f"{lost_bar:.2g} bar (piston side) and {lost_bar * ratio**2:.2g} bar (rod side); strokes cannot tell "
+            "which. State sensor.line_loss in the mapping, {bar: 0} if the sensors are at the cylinder's ports; until "
+            "then bounds are wider by what lines may lose, and Coulomb and viscous friction are not known"
         )
 
 
