@@ -252,7 +252,7 @@ def find_logs(
     paths, guess, tables = log_paths(given), None, list[LoggedTable]()
     try:
         if channels is None:
-            guess, tables = _guessed(paths, cylinder, units or {}, None if database is None else Path(database))
+            guess, tables = _guessed(paths, cylinder, units or {}, Path(database) if database else None, load)
             settings: dict[str, Any] = {"channels": {name: each.entry for name, each in guess.columns.items()}}
         elif units:
             raise RecordingError(
@@ -278,7 +278,11 @@ def find_logs(
 
 
 def _guessed(
-    paths: Sequence[Path], cylinder: Cylinder, units: Mapping[str, str], database: Path | None
+    paths: Sequence[Path],
+    cylinder: Cylinder,
+    units: Mapping[str, str],
+    database: Path | None,
+    load: LoadMode | StatedLoad | None,
 ) -> tuple[GuessedMapping, list[LoggedTable]]:
     """Guess a mapping from the first log that can be read, and warn; also return its tables, unless it has parts."""
     for quantity, unit in units.items():
@@ -298,6 +302,8 @@ def _guessed(
             path = paths[-1]
             tables = read(path)
         guess = guess_mapping(tables, path, cylinder, units)
+        if load not in (None, "measured"):
+            guess = replace(guess, columns={name: each for name, each in guess.columns.items() if name != LOAD_FORCE})
         refuse_unknown(guess, units)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error

@@ -137,3 +137,14 @@ def test_a_stated_load_is_named_as_such(cylinder: Cylinder) -> None:
     )
     assert turned.text.startswith("the stated load of -2000 N (--load, or the mapping's) is inverted: as it stands")
     assert other.text.endswith("; check the stated load, or zero the sensors")
+
+
+@pytest.mark.parametrize("sign", [1.0, -0.97])
+def test_a_load_computed_from_the_pressures_is_refused(
+    labelled_recordings: list[Recording], cylinder: Cylinder, sign: float
+) -> None:
+    table = labelled_recordings[0].table
+    drive_n = table["pressure_1_pa"] * cylinder.piston_area_m2 - table["pressure_2_pa"] * cylinder.annulus_area_m2
+    (found,) = checked(table.assign(load_force_n=sign * drive_n), cylinder, "measured")
+    assert found.outcome == "refused"
+    assert "of friction: it is a force computed from the pressures" in found.text

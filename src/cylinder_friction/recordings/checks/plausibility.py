@@ -32,8 +32,11 @@ BETTER = 2.0
 LEAST_OVERLAP = 0.2
 """Least share of the variance of direction that position does not explain. Below it, the two are inseparable."""
 NEGLIGIBLE = 1e-7  # Least size of a combination of terms that rows determine, as a share of the largest one
-GREATEST_N_MM, HIGH_N_MM, LOW_N_MM = 100.0, 10.0, 0.2
-"""Friction per length of seal around piston and rod [N/mm]: above any seal's, rarely exceeded, low-friction seals."""
+GREATEST_N_MM, HIGH_N_MM, LOW_N_MM, LEAST_N_MM = 100.0, 10.0, 0.2, 0.1
+"""Friction per length of seal around piston and rod [N/mm]: above any seal's, rarely exceeded, low-friction seals, and
+below any seal's."""
+COMPUTED = 0.05
+"""Largest share of the force turning with the direction that remains if the load was computed from the pressures."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +97,10 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
     a1, a2 = limits.cylinder.piston_area_m2, limits.cylinder.annulus_area_m2
     p1, p2 = (columns[name][rows] for name in PRESSURES)
     drive_n, exchanged_n = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
-    forces = drive_n - load_n, exchanged_n - load_n, drive_n + load_n, (p1 - p2) * a2
-    as_is, swapped, turned, alike = _balances(direction, shape, *forces)
-    findings = _inverted_load(as_is, turned, limits) or _direction(as_is, swapped, limits)
+    forces = drive_n - load_n, exchanged_n - load_n, drive_n + load_n, (p1 - p2) * a2, drive_n
+    as_is, swapped, turned, alike, whole = _balances(direction, shape, *forces)
+    findings = _computed_load(whole, as_is, turned, limits) or _inverted_load(as_is, turned, limits)
+    findings = findings or _direction(as_is, swapped, limits)
     if any(each.outcome == "refused" for each in findings):
         return findings
     explained = as_is.weaker_n <= 0.0 < 0.5 * alike.friction_n < alike.weaker_n  # by equal areas
@@ -166,6 +170,20 @@ def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
     ]
 
 
+def _computed_load(whole: Balance, as_is: Balance, turned: Balance, limits: CheckLimits) -> list[Finding]:
+    """Refuse a load that is the pressures' own force, of either sign, as loggers compute it: no friction is left."""
+    left_n = min(abs(as_is.friction_n), abs(turned.friction_n))
+    none_left = left_n < min(LEAST_N_MM * _seal_mm(limits.cylinder), COMPUTED * whole.friction_n)
+    if limits.load != "measured" or limits.stated_load or not none_left:
+        return []
+    text = (
+        f"the mapped {LOAD_FORCE} leaves {left_n:.3g} of {whole.friction_n:.3g} N of friction: it is a force computed "
+        "from the pressures, not that of a load cell; leave it out of the mapping, or, if no mapping was given, state "
+        "--load none"
+    )
+    return [Finding("direction", "refused", text)]
+
+
 def _inverted_load(as_is: Balance, turned: Balance, limits: CheckLimits) -> list[Finding]:
     """Refuse the recording if its forces balance only with the sign of the load reversed."""
     opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
@@ -224,10 +242,14 @@ def _opposing(as_is: Balance, limits: CheckLimits, remedy: str) -> list[Finding]
     return []
 
 
+def _seal_mm(cylinder: Cylinder) -> float:
+    """Compute the length of all seals around piston and rods [mm]."""
+    return math.pi * 1e3 * (cylinder.bore_diameter_m + cylinder.rod_diameter_m + cylinder.rod_diameter_1_m)
+
+
 def _size(as_is: Balance, cylinder: Cylinder) -> list[Finding]:
     """Relate friction to the length of the seals, which shows pressures in a wrong unit."""
-    diameters_m = cylinder.bore_diameter_m + cylinder.rod_diameter_m + cylinder.rod_diameter_1_m
-    gradient = as_is.friction_n / (math.pi * diameters_m * 1e3)
+    gradient = as_is.friction_n / _seal_mm(cylinder)
     text = f"friction is {gradient:.3g} N per millimetre of seal ({as_is.friction_n:.3g} N)"
     outcome: Outcome = "noted"
     if as_is.friction_n <= 0.0:
