@@ -52,7 +52,7 @@ ROD_SIDE = _words("2 b rod ring gland", "stange annul ringseit ringraum rodside"
 EITHER_SIDE = _words("head end side port chamber", "seite kammer")
 """Words that show no side alone. Either end is called the head, so that the name of the other pressure decides."""
 ELSEWHERE = _words("s t 0 ls sys pump tank supply return system", "versorg pumpe speise rücklauf ruecklauf")
-WANTED_VALUE = _words("ref set soll cmd sp target demand command", "sollw setpoint reference vorgabe")
+WANTED_VALUE = _words("ref set soll cmd sp target demand command", "sollw setpoint reference vorgabe consigne 指令")
 AT_VALVE = _words("valve dcv", "ventil")
 AT_CYLINDER = _words("cyl zyl", "cylinder zylinder")
 CARRIED = _words("load last", "loadcell payload nutzlast")

@@ -230,6 +230,7 @@ class GuessedColumn:
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
+    equals: tuple[ChannelFacts, ...] = ()  # Those of them that fit as well as the guess
     fitting: Sequence[str] | None = None  # Units that the values fit; None if the unit is stated or given
 
     @property
@@ -396,11 +397,14 @@ def _guessed(
     channel = chosen.get(column)
     if channel is None:
         return GuessedColumn(column, None, checks=_in_another_unit(column, facts))
-    least = next(score for other, score in ranked if other is channel) - NEARLY
-    others = tuple(
-        other
-        for other, score in ranked
-        if id(other) not in used and score >= least and not (column == TIME and other.table != channel.table)
+    own = next(score for other, score in ranked if other is channel)
+    others, equals = (
+        tuple(
+            other
+            for other, score in ranked
+            if id(other) not in used and score >= least and not (column == TIME and other.table != channel.table)
+        )
+        for least in (own - NEARLY, own)
     )
     pair = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else []
     reasons, checks = [_meaning(column, channel, pair)], _meaning_checks(column, channel, pair)
@@ -423,7 +427,7 @@ def _guessed(
     if column in SIDES and _ABSOLUTE.search(channel.name) and stated_reference(unit) is None and not electrical(unit):
         unit, reasons = f"{unit} abs", [*reasons, "name means absolute"]
     entry = {"channel": channel.name, "unit": unit}
-    return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, fitting)
+    return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, equals, fitting)
 
 
 def _in_another_unit(column: str, facts: Sequence[ChannelFacts]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import yaml
 
 from cylinder_friction.cylinder import ONE_CHAMBER
-from cylinder_friction.recordings.columns import PRESSURE_1, PRESSURE_2, QUANTITIES, TIME
+from cylinder_friction.recordings.columns import PRESSURE_1, PRESSURE_2, QUANTITIES, SAMPLE_COLUMNS, TIME
 from cylinder_friction.recordings.mapping.channel_mapping import NOT_FOUND, electrical, units_agree
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, size_in_words, usual_unit
 from cylinder_friction.recordings.recording import RecordingError
@@ -103,6 +103,13 @@ def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
             f"no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; write a mapping and "
             "give it by --channels, starting from channels:\n" + "\n".join(channel_lines(guess))
         )
+    for name in SAMPLE_COLUMNS:
+        if (each := guess.columns.get(name)) and each.channel and each.equals:
+            alike = " or ".join(repr(other.name) for other in (each.channel, *each.equals))
+            raise RecordingError(
+                f"no mapping was given, and {name} may be {alike}; leave the right one in a mapping and give it by "
+                "--channels, starting from channels:\n" + "\n".join(channel_lines(guess))
+            )
     doubtful: dict[str, list[GuessedColumn]] = {}
     for name, each in guess.columns.items():
         quantity, channel = QUANTITIES[name], each.channel
