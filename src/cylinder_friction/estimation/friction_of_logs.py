@@ -219,12 +219,6 @@ def waiting(result: Recording | Path) -> Recording:
     return read_recording(result) if isinstance(result, Path) else result
 
 
-def discard(result: Recording | Path) -> None:
-    """Remove the file of a recording that waits on disk."""
-    if isinstance(result, Path):
-        result.unlink()
-
-
 def refused_piece(about: RecordingMetadata, reason: str | LostPiece) -> Quarantined:
     return Quarantined(about.source_file, reason.reason if isinstance(reason, LostPiece) else reason, about.name)
 
@@ -366,5 +360,6 @@ class LabelledLogs:
             lost = [refused_piece(each.metadata, found) for each in own] if isinstance(found, LostPiece) else found
             outcomes |= zip((each.metadata.name for each in own), lost, strict=True)
             for each in own:
-                discard(each.result)
+                if isinstance(each.result, Path):
+                    each.result.unlink()
         return (outcomes[each.metadata.name] for each in read)

@@ -24,7 +24,6 @@ from cylinder_friction.estimation.friction_of_logs import (
     LabelledLogs,
     LabelledRecording,
     RecordingFriction,
-    discard,
     loaded_once,
     refused_piece,
     waiting,
@@ -196,7 +195,8 @@ def _write_results(
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
-        discard(each.result)
+        if isinstance(each.result, Path):
+            each.result.unlink()
     return results
 
 

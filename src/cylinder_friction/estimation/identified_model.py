@@ -117,7 +117,6 @@ class IdentifiedParameter:
 
     @property
     def shown_unit(self) -> str:
-        """Unit as text; empty for a ratio."""
         return with_unit("", self.unit).strip()
 
     @property

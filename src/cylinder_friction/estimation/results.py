@@ -228,8 +228,7 @@ def unpacked(text: str) -> tuple[OffsetEvidence | None, str]:
 
 def read_results(folder: Path) -> list[Result]:
     """Read the statements of the results in a folder, in the order of their names."""
-    found = (read_result(path) for path in sorted(folder.glob("*.parquet")))
-    return [each for each in found if each is not None]
+    return [found for path in sorted(folder.glob("*.parquet")) if (found := read_result(path)) is not None]
 
 
 def sort_logs(

@@ -207,6 +207,9 @@ def test_of_clocks_and_channels_in_turn_each_channel_has_the_one_beside_it(turne
     assert channels_of(text)["time_s"]["channel"] == "t1 [s]"
     assert [entry.get("time") for entry in channels_of(text).values()] == [None, None, "t2 [s]", "t3 [s]"]
     assert "AMBIGUOUS: " not in text
+    del in_turn[0 if turned else -2]  # one channel has no clock beside it
+    with pytest.raises(RecordingError, match="are two clocks that differ, and nothing shows which one stamps"):
+        text_of(dict(in_turn))
 
 
 @pytest.mark.parametrize("name", ["t", "p1", "x", "Value", "p_supply"])

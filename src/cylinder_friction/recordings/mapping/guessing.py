@@ -277,8 +277,9 @@ def guess_mapping(
     channels whose unit the file does not state; for time, a rate of the rows such as ``200 Hz`` is also allowed.
     """
     facts = facts_of(tables)
-    rate_hz = stated_rate((units or {}).get("time", ""))
-    clock_given = "time" in (units or {}) and rate_hz is None
+    units = units or {}
+    rate_hz = stated_rate(units.get("time", ""))
+    clock_given = "time" in units and rate_hz is None
     ranked: dict[str, Ranked] = {}
     for column in QUANTITIES:
         scores = [(each, time_score(each, clock_given) if column == TIME else _score(column, each)) for each in facts]
@@ -311,9 +312,7 @@ def guess_mapping(
     elif not chosen and ranked[TIME] and not (rate_hz or why):
         chosen[TIME] = ranked[TIME][0][0]
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
-    columns = {
-        column: _guessed(column, chosen, used, ranked[column], facts, cylinder, units or {}) for column in wanted
-    }
+    columns = {column: _guessed(column, chosen, used, ranked[column], facts, cylinder, units) for column in wanted}
     if TIME not in chosen:
         rate_hz = rate_hz or tables[0].rate_hz
         entry, checks = {"rate_hz": rate_hz} if rate_hz else {}, (why,) if why else columns[TIME].checks
@@ -330,9 +329,17 @@ def guess_mapping(
 def _clock_of(channel: ChannelFacts, facts: Sequence[ChannelFacts], clocks: Sequence[ChannelFacts]) -> ChannelFacts:
     """Choose a channel's clock: the one beside it if clocks and channels are in turn, else the one as long as it."""
     there = [each for each in facts if each.table == channel.table]
-    beside = there[there.index(channel) ^ 1 :][:1]
-    in_turn = [(each in clocks) == (there[0] in clocks) for each in there] == [True, False] * (len(there) // 2)
-    return min(clocks, key=lambda time: (not in_turn or time not in beside, abs(time.count - channel.count)))
+    if [(each in clocks) == (there[0] in clocks) for each in there] == [True, False] * (len(there) // 2):
+        return there[there.index(channel) ^ 1]
+    found = min(clocks, key=lambda time: abs(time.count - channel.count))
+    nearest = next((each for each in reversed(there[: there.index(channel)]) if each in clocks), found)
+    differ = (nearest.unit, nearest.count) == (found.unit, found.count) and abs(nearest.low - found.low) > found.step
+    if differ and there.index(nearest) - there.index(found) > 1:  # each may stamp the channels behind it
+        raise RecordingError(
+            f"{found.name!r} and {nearest.name!r} are two clocks that differ, and nothing shows which one stamps "
+            f"{channel.name!r}; give a mapping whose columns name their own as time, or export one of the two"
+        )
+    return found
 
 
 def _refuse_repeated(tables: Sequence[LoggedTable], complete: bool) -> None:
