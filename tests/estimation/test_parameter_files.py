@@ -10,6 +10,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identified_model import (
+    SLOW_PARAMETERS,
     IdentifiedModel,
     Zeros,
     determined,
@@ -42,7 +43,7 @@ def identified(
     points = tuple(SteadyPoint(way * 1e-3, way * 300.0, 290.0, 310.0, 50) for way in (-1.0, 1.0))
     curve = parameters.curve  # type: ignore[attr-defined]
     found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, (5.0,))
-    known = determined(model, found, zeros, unseen=unseen)
+    known = determined(model, found, zeros, dict.fromkeys(SLOW_PARAMETERS, unseen))
     return IdentifiedModel(model.name, model.title, ("a", "b"), "", known, found)
 
 

@@ -1,12 +1,16 @@
 """Viscous friction is told from pressure that changes with speed; candidate velocities follow strokes and rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identified_model import WIDEST
-from cylinder_friction.estimation.steady_intervals import steady_intervals, velocities_on_offer
+from cylinder_friction.estimation.steady_intervals import lines_uncertain_n, steady_intervals, velocities_on_offer
+from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 STEP_S, VISCOUS_N_S_M = 0.005, 1500.0
@@ -42,6 +46,18 @@ def test_viscous_friction_is_told_from_pressure(
             assert not known or np.mean([each[name][0] <= value <= each[name][1] for each in found]) >= share, name
     still = strokes(0.0, 0.0, 0).with_columns(velocity_m_s=np.zeros(len(SPEEDS_M_S) * 2))
     assert steady_intervals([still], cylinder, 0.95)["coulomb_n"] == (-np.inf, np.inf)
+
+
+def test_intervals_hold_an_error_of_the_stated_loss_of_a_line(cylinder: Cylinder) -> None:
+    recording = strokes(0.0, 0.0, 0)
+    lines = {name: LineLoss(1.0, 0.06, laminar_percent=30.0, uncertainty_percent=50.0) for name in PRESSURES}
+    recording = replace(recording, metadata=replace(recording.metadata, line_loss=lines))
+    off_n = 0.8 * lines_uncertain_n(recording, cylinder, recording.column("velocity_m_s"))
+    off_n *= np.sign(recording.column("velocity_m_s"))
+    for friction_n in (recording.column("friction_n") + off_n, recording.column("friction_n") - off_n):
+        found = steady_intervals([recording.with_columns(friction_n=friction_n)], cylinder, 0.95)
+        for name, value in (("viscous_n_s_m", VISCOUS_N_S_M), ("coulomb_n", 300.0)):
+            assert found[name][0] <= value <= found[name][1]
 
 
 def test_every_candidate_velocity_is_zero_at_standstill_and_follows_a_stroke() -> None:

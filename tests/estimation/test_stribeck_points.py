@@ -49,7 +49,7 @@ def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:
     for chosen, known in ((speeds, True), (speeds[5:], False)):
         recording = strokes(chosen, np.zeros(2 * len(chosen)), curve)
         points = stribeck_points([recording], 5e-4, 0.95)
-        found = IdentifiedCurve.through([recording], points, Zeros(0.0), None).to_dict()
+        found = IdentifiedCurve.through([recording], points, Zeros(0.0), None, np.zeros(len(points))).to_dict()
         assert found["curve"]["coulomb_n"] == pytest.approx(240.0, rel=0.1)
         assert (found["curve"]["static_n"] is not None) == known
         assert ("record" in found["why_not"]) != known
@@ -62,9 +62,9 @@ def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_
         own = strokes(speeds, np.full(18, zero_n), curve)
         noisy_m = own.column("position_m") + np.random.default_rng(0).normal(0.0, 3e-5, len(own))
         sessions.append(replace(own.with_columns(position_m=noisy_m), metadata=replace(own.metadata, session=name)))
-    one = IdentifiedCurve.through(
-        sessions[:1], stribeck_points(sessions[:1], 5e-4, 0.95), Zeros(np.inf, "zeros are not stated"), None
-    )
+    points = stribeck_points(sessions[:1], 5e-4, 0.95)
+    zeros = Zeros(np.inf, "zeros are not stated")
+    one = IdentifiedCurve.through(sessions[:1], points, zeros, None, np.zeros(len(points)))
     assert one.curve is None
     assert one.to_dict()["why_not"].startswith("zeros are not stated; at the slowest steady sliding")
     assert all(each.known_half_width_n is None for each in one.points)

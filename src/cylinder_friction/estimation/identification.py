@@ -16,12 +16,17 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification_page import identification_page
 from cylinder_friction.estimation.identified_model import (
+    BENT_BY_A_LOSS,
+    COARSE,
     CONFIDENCE,
     DAMPING_RATIO,
     FITS_ALIKE,
     LEAST_SHARE,
+    SLOW_PARAMETERS,
     SOFTENED,
     UNSEEN,
+    UNSEPARATED_FROM_LINES,
+    WIDEST,
     FrictionModels,
     IdentifiedCurve,
     IdentifiedModel,
@@ -35,6 +40,7 @@ from cylinder_friction.estimation.identified_model import (
 from cylinder_friction.estimation.results import load_left
 from cylinder_friction.estimation.steady_intervals import (
     NOISE_MULTIPLE,
+    lines_uncertain_n,
     odd_window,
     scatter_of_sessions,
     slope,
@@ -55,7 +61,7 @@ from cylinder_friction.recordings.conversion import Quarantined, logged_files, n
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import STEADY_DURATION_S
-from cylinder_friction.signals.noise import sensor_noise
+from cylinder_friction.signals.noise import noise_deviation, quantisation_step, sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
@@ -166,7 +172,11 @@ class ModelSearch:
     def __init__(self, recordings: Sequence[Recording], run: LabelledLogs, generations: int, seed: int) -> None:
         self.run = run
         sample_time_s = recordings[0].sample_time_s
-        noise_m = max(sensor_noise(recording.column("position_m")) for recording in recordings)
+        positions = [recording.column("position_m") for recording in recordings]
+        noise_m = max(map(sensor_noise, positions))
+        self.step_m = max(
+            quantisation_step(each) if noise_deviation(each) < quantisation_step(each) else 0.0 for each in positions
+        )
         window = odd_window(STEADY_DURATION_S, sample_time_s)
         self.slowest_m_s = NOISE_MULTIPLE * slope_noise(window, noise_m, sample_time_s)
         smooth = slope(window, 0.0, 0.0)
@@ -180,7 +190,9 @@ class ModelSearch:
         for condition in sorted({recording.metadata.condition for recording in self.recordings}):
             own = self._of(condition)
             points, zeros = stribeck_points(own, self.slowest_m_s, CONFIDENCE), self._zeros(own)
-            curves.append(IdentifiedCurve.through(own, points, zeros, self.run.loss))
+            speeds = np.array([point.velocity_m_s for point in points])
+            lines_n = lines_uncertain_n(own[0], self.run.cylinder, speeds)
+            curves.append(IdentifiedCurve.through(own, points, zeros, self.run.loss, lines_n))
         return tuple(curves)
 
     @property
@@ -267,7 +279,13 @@ class ModelSearch:
         found = replace(found, intervals=intervals)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
         unseen = UNSEEN.format(" or ".join(sorted(conditions))) if all(each.slow for each in curves) else ""
-        parameters = determined(model, found, zeros, unseen=unseen, loss=loss)
+        why_not = dict.fromkeys(SLOW_PARAMETERS, unseen) | (dict.fromkeys(BENT_BY_A_LOSS, loss) if loss else {})
+        bent_m = found.parameters.value("coulomb_n") / found.parameters.value("bristle_stiffness_n_m")
+        why_not |= {"bristle_stiffness_n_m": COARSE.format(bent_m, self.step_m)} if bent_m < self.step_m else {}
+        lower, upper = intervals["viscous_n_s_m"]
+        if upper > WIDEST * lower and lines_uncertain_n(recordings[0], self.run.cylinder, np.ones(1)).any():
+            why_not.setdefault("viscous_n_s_m", UNSEPARATED_FROM_LINES)
+        parameters = determined(model, found, zeros, why_not)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found)
 

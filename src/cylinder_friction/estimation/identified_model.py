@@ -6,13 +6,14 @@ The parameters can be written for simulators as a Modelica record and a MATLAB s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.steady_points import (
@@ -68,8 +69,8 @@ FITS_ALIKE, LEAST_SHARE, SOFTENED = 0.01, 0.02, 2.0
 half-width of an interval, as a share of the value: the bias by smoothing of label and velocity. Bristles may be stiffer
 by the last factor, because smoothing spreads a reversal over more travel."""
 INTERVALS = (
-    f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros may "
-    "shift; errors of the model itself come on top"
+    f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros and "
+    "the stated losses of lines may shift; errors of the model itself come on top"
 )
 WIDEST = 4.0
 """Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
@@ -79,8 +80,13 @@ UNSEPARATED = (
     "strokes do not tell it from dry friction, which changes with speed, pressure and place; record more strokes at "
     "constant speed, slow ones and fast ones, and other loads"
 )
+UNSEPARATED_FROM_LINES = (
+    "strokes do not tell it from what lines between sensors and cylinder lose, as that is stated too inexactly "
+    "(line_loss.uncertainty_percent)"
+)
 SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a shift of all friction changes: it adds while extending and subtracts while retracting."""
+COARSE = "bristles bend by {:.2g} m, less than the position's step of {:.2g} m; record a finer position"
 UNSEEN = "steady sliding of condition {} does not show it"
 LEAST_SPEEDS = 5
 """Least number of speeds of steady sliding in one direction: a direction's Stribeck curve has five parameters."""
@@ -146,9 +152,16 @@ class IdentifiedCurve:
 
     @classmethod
     def through(
-        cls, recordings: Sequence[Recording], points: Sequence[StribeckPoint], zeros: Zeros, loss: ApparentLoss | None
+        cls,
+        recordings: Sequence[Recording],
+        points: Sequence[StribeckPoint],
+        zeros: Zeros,
+        loss: ApparentLoss | None,
+        lines_n: Array,
     ) -> Self:
-        """Fit the line through points of one condition, and widen the points by zeros and an unstated loss of a line.
+        """Fit the line through points of one condition, and widen the points by zeros and by losses of lines.
+
+        ``loss`` is an unstated loss, and ``lines_n`` the expanded uncertainty of stated ones at each point.
 
         If zeros or loss are unknown, there is no line: its friction in each direction would be taken as known.
         """
@@ -157,9 +170,9 @@ class IdentifiedCurve:
         if loss is not None or math.isinf(zeros.half_n):
             curve, why_not = None, zeros.why_not if loss is None else loss.unknown_viscous
         own = []
-        for each in points:
+        for each, line_n in zip(points, lines_n.tolist(), strict=True):
             lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))
-            own.append(replace(each, half_width_n=math.hypot(each.half_width_n, zeros.half_n) + lost_n))
+            own.append(replace(each, half_width_n=math.hypot(each.half_width_n, zeros.half_n, line_n) + lost_n))
         names = tuple(each.name for each in recordings)
         return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, slow)
 
@@ -267,16 +280,13 @@ class FrictionModels:
 
 
 def determined(
-    model: LuGre, found: Identification, zeros: Zeros, *, unseen: str = "", loss: str = ""
+    model: LuGre, found: Identification, zeros: Zeros, unknown: Mapping[str, str]
 ) -> tuple[IdentifiedParameter, ...]:
-    """List every parameter of the model. A parameter that the motion does not determine has no number.
+    """List every parameter of the model. One that the motion does not determine, or is ``unknown``, has no number.
 
-    ``unseen`` states why steady sliding does not show how friction rises towards standstill. ``loss`` states why
-    ``BENT_BY_A_LOSS`` are not known; empty without an apparent loss between sensors and cylinder.
+    ``unknown`` has reasons by parameter; an empty one does not count.
     """
-    why_not = {spec.name: _unknown(spec, found, zeros) for spec in model.searched}
-    why_not |= dict.fromkeys(SLOW_PARAMETERS, unseen) if unseen else {}
-    why_not |= dict.fromkeys(BENT_BY_A_LOSS, loss) if loss else {}
+    why_not = {spec.name: unknown.get(spec.name) or _unknown(spec, found, zeros) for spec in model.searched}
     parameters = []
     for spec in model.specs:
         if spec.relative_to == "pressure" and not model.pressure_scaled:

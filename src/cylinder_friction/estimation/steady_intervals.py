@@ -12,7 +12,8 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.apparent_loss import STRIBECK_SPEEDS_M_S
 from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks, sliding_blocks
-from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.labelling.uncertainty import line_uncertainty
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal_velocity import CausalVelocity
 
@@ -79,7 +80,8 @@ def steady_intervals(
     recording has its own level. Pressure is that of the side that the oil leaves, as the other one contains friction.
     Blocks of a stroke count as one. What strokes do not tell apart widens the intervals, which are infinite without
     enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures or
-    ``at_zero`` pressure; the sensors' zeros may shift it by ``zeros_n``.
+    ``at_zero`` pressure; the sensors' zeros may shift it by ``zeros_n``. An error of the stated losses of lines, which
+    grows with speed, shifts both.
     """
     parts = [sliding_blocks(each, cylinder, prior_n=0.0) for each in recordings]
     blocks = SlidingBlocks.together(parts)
@@ -91,11 +93,18 @@ def steady_intervals(
     if set(PRESSURES) <= blocks.columns.keys():
         leaving_bar = [1e-5 * blocks.columns[name] for name in reversed(PRESSURES)]
         known += [way * (bar - (not at_zero) * bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
+    lines_n = np.concatenate(
+        [
+            lines_uncertain_n(each, cylinder, part.columns["velocity_m_s"])
+            for each, part in zip(recordings, parts, strict=True)
+        ]
+    )
     strokes, fits = np.unique(blocks.stroke, return_inverse=True)[1].astype(np.int64), []
     for stribeck_m_s in (NO_FALL_M_S, *STRIBECK_SPEEDS_M_S):
         design = np.column_stack([*known, np.exp(-speed / stribeck_m_s)])
         fit = robust_fit(design, blocks.label_n * blocks.direction)
         half = clustered_half_widths(design, fit, strokes, confidence)
+        half = np.hypot(half, np.linalg.lstsq(design, lines_n)[0])
         half[1] = np.hypot(half[1], zeros_n)
         fits.append((float(np.abs(fit.residuals).sum()), fit.coefficients - half, fit.coefficients + half))
     least = min(error for error, _, _ in fits)
@@ -104,6 +113,11 @@ def steady_intervals(
         name: (float(min(lower[place] for lower, _ in alike)), float(max(upper[place] for _, upper in alike)))
         for place, name in enumerate(_NAMES)
     }
+
+
+def lines_uncertain_n(recording: Recording, cylinder: Cylinder, velocity_m_s: Array) -> Array:
+    """Compute the expanded uncertainty (k = 2) of the stated losses of lines as friction [N], shape ``(n,)``."""
+    return np.zeros(len(velocity_m_s)) + COVERAGE_FACTOR * line_uncertainty(recording, cylinder, velocity_m_s)
 
 
 def scatter_of_sessions(recordings: Sequence[Recording], cylinder: Cylinder, confidence: float) -> float:
