@@ -168,9 +168,13 @@ def _spread(stamps: OrderedStamps, rules: TimeRules) -> tuple[Array, float, floa
     gap = ~within | (surplus_s > tick_s[1:] + (rules.longest_bridge_samples + 1) * step_s)
     stretch = np.concatenate([[0], np.cumsum(gap)])
     _refuse_short_seconds(stamps, firsts, stretch)
-    row_mean, stamp_mean = (np.bincount(stretch, each) / np.bincount(stretch) for each in (firsts, stamps_s))
+    # A stretch may begin within a tick, so that only its later stamps show the row at which their tick began.
+    fits = (np.diff(stretch, prepend=-1) == 0) | (np.bincount(stretch) < 3)[stretch]
+    row_mean, stamp_mean = (
+        np.bincount(stretch, each * fits) / np.bincount(stretch, fits) for each in (firsts, stamps_s)
+    )
     row_off, stamp_off = firsts - row_mean[stretch], stamps_s - stamp_mean[stretch]
-    step_s = 1.0 / whole_hertz(float((row_off**2).sum() / (row_off * stamp_off).sum()))
+    step_s = 1.0 / whole_hertz(float((row_off**2)[fits].sum() / (row_off * stamp_off)[fits].sum()))
     off_s = np.abs(stamp_off - step_s * row_off)
     worst = int(np.argmax(off_s - 1.05 * tick_s))
     stretch_of_row = np.repeat(stretch, np.diff(np.append(firsts, len(time_s))))
