@@ -139,8 +139,9 @@ def ended(at_m: float) -> Array:
             "noise between 10.00 and 20.00 s",
         ),
         (STROKES_M + 2e-5 * NOISE * np.where(abs(TIME_S - 15.0) < 5.0, 3.0, 1.0), 0.25, "ok", ""),
+        (5e-4 * np.floor(np.cumsum(np.where(TIME_S < 15.0, 1.0, 0.5))), 1.0, "ok", ""),  # coarse: each row, each other
     ],
-    ids=["sound", "a stop", "coarse", "single", "end of stroke", "held", "small jump", "jump", "noise", "little noise"],
+    ids=["sound", "stop", "coarse", "single", "end", "held", "small jump", "jump", "noise", "little noise", "coarser"],
 )
 def test_faults_of_the_position_are_weighed(position_m: Array, stroke_m: float, outcome: str, words: str) -> None:
     found = check_position_steps(position_m, TIME_S, stroke_m)

@@ -271,7 +271,7 @@ def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
 
     Fourth differences remove most of a motion. Those of noise change their sign at most samples.
     """
-    change_m = np.diff(x_m, 4)
+    change_m = np.round(np.diff(x_m, 4), 9)  # without what floating-point numbers add to a coarse converter
     stretches_m = change_m[: len(change_m) // rows * rows].reshape(-1, rows)
     level_m = np.median(np.abs(stretches_m), axis=1)
     alive = (stretches_m[:, 1:] * stretches_m[:, :-1] < 0.0).mean(axis=1) > ALTERNATES
