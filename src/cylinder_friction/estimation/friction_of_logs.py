@@ -179,7 +179,10 @@ class RecordingFriction:
         counts = Counter({str(flag.name): 0 if flags is None else int((flags & flag != 0).sum()) for flag in Flag})
         about, given = recording.metadata, None if estimator is None else estimator.position_load
         known = (self.stated_load or self.labeller.load) if given is None else given.in_words()
-        other, noisy, fits = "", "", True
+        other, noisy, missed, fits = "", "", "", True
+        another_load = given is not None and self.labeller.load == "none"
+        if estimator is not None and estimator.bounds is not None and estimator.offset is None and not another_load:
+            missed = label_missed(recording, estimator.bounds)  # The label has the same offset and load
         if estimator is not None and (trained_for := estimator.trained_for) is not None:
             fits = trained_for.fits(self.labeller.cylinder)  # with other areas, no load is looked for
             noise_pa = pressure_noise_pa([recording])
@@ -199,19 +202,11 @@ class RecordingFriction:
             flags_percent=None if estimator is None else shares,
             load=load or known,
             not_known=other or ("" if flags is None else unknown_in_words(rows, counts)),
-            unlike_training="; ".join(filter(None, (noisy, self._missed(recording)))),
+            unlike_training="; ".join(filter(None, (noisy, missed))),
             load_left_n=known_number(load_n) if fits and holds_load(load_n, half_n) else None,
             repairs=about.remarks,
             levels=friction_levels([recording]),
         )
-
-    def _missed(self, recording: Recording) -> str:
-        """State how rarely the bounds contain the label; empty if the label has another offset or load."""
-        estimator = self.estimator
-        if estimator is None or estimator.bounds is None or estimator.offset is not None:
-            return ""
-        another_load = estimator.position_load is not None and self.labeller.load == "none"
-        return "" if another_load else label_missed(recording, estimator.bounds)
 
 
 def waiting(result: Recording | Path) -> Recording:
@@ -232,15 +227,9 @@ def estimated(labelled: Recording, estimator: FrictionEstimator) -> Recording:
 
     newtons, flags = CompiledRun(estimator.step_model()).run(labelled.samples(estimator.inputs))
     known_n = np.where((flags & Flag.NOT_READY == 0)[:, None], newtons, np.nan)
-    friction_n, lower_n, upper_n = estimator.aligned(known_n).T
-    return labelled.with_columns(
-        label_n=labelled.column("friction_n"),
-        friction_n=friction_n,
-        lower_n=lower_n,
-        upper_n=upper_n,
-        flags=flags,
-        usable=labelled.usable() & np.isfinite(friction_n),
-    )
+    own = dict(zip(("friction_n", "lower_n", "upper_n"), estimator.aligned(known_n).T, strict=True))
+    usable = labelled.usable() & np.isfinite(own["friction_n"])
+    return labelled.with_columns(label_n=labelled.column("friction_n"), **own, flags=flags, usable=usable)
 
 
 def label_missed(recording: Recording, bounds: Bounds) -> str:
@@ -293,14 +282,8 @@ class LabelledLogs:
         labeller = Labeller(self.cylinder, load=logs.recipe.limits.load)
         stated = logs.recipe.limits.stated_load
         words, share = "" if stated is None else stated.in_words(), ROWS_IN_MEMORY // max(1, len(files))
-        self.friction = RecordingFriction(
-            labeller,
-            default_filter(self.cylinder),
-            model,
-            words,
-            scratch,
-            min([share, *(file.rows or share for file in files)]),
-        )
+        rows = min([share, *(file.rows or share for file in files)])
+        self.friction = RecordingFriction(labeller, default_filter(self.cylinder), model, words, scratch, rows)
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
         self.loss: ApparentLoss | None = None

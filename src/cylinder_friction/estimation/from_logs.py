@@ -94,9 +94,7 @@ def estimate_logs(
     log, the cylinder, mapping, load, model or code has changed.
 
     Args:
-        files, channels, load, names, units, sensor_class: As in ``read_recordings``.
-        database: DBC file of the bus, for measurement files that contain CAN frames.
-        cylinder: The cylinder that was recorded.
+        files, channels, cylinder, load, names, units, sensor_class, database: As in ``read_recordings``.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None uses the off-line label.
         other_cylinder: Whether to accept a model that was trained for a cylinder with other areas.

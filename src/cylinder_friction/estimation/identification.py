@@ -16,16 +16,9 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification_page import identification_page
 from cylinder_friction.estimation.identified_model import (
-    BENT_BY_A_LOSS,
-    COARSE,
     CONFIDENCE,
     DAMPING_RATIO,
-    FITS_ALIKE,
-    LEAST_SHARE,
     SLOW_PARAMETERS,
-    SOFTENED,
-    UNSEEN,
-    UNSEPARATED_FROM_LINES,
     WIDEST,
     FrictionModels,
     IdentifiedCurve,
@@ -73,6 +66,18 @@ MOST_ROWS = 1 << 20
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 """Recordings and length of their pieces [s] in differential evolution; longest piece in the last local searches [s].
 Pieces of fewer recordings are longer, so that they show as many speeds."""
+FITS_ALIKE, LEAST_SHARE, SOFTENED = 0.01, 0.02, 2.0
+"""A velocity fits as well as the best one if its error is greater by at most the first share of mean |friction|. Least
+half-width of an interval, as a share of the value: the bias by smoothing of label and velocity. Bristles may be stiffer
+by the last factor, because smoothing spreads a reversal over more travel."""
+UNSEEN = "steady sliding of condition {} does not show it"
+COARSE = "bristles bend by {:.2g} m, less than the position's step of {:.2g} m; record a finer position"
+UNSEPARATED_FROM_LINES = (
+    "strokes do not tell it from what lines between sensors and cylinder lose, as that is stated too inexactly "
+    "(line_loss.uncertainty_percent)"
+)
+BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa")
+"""Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 LARGE = 0.25
 """Share of mean |friction| above which the shift by the sensors' zeros is named as the reason for wide intervals."""
 ZEROS = (
@@ -104,9 +109,7 @@ def identify_logs(
     (``.m``) for each identified model. A parameter that the motion does not determine has a reason and no number.
 
     Args:
-        files, channels, load, names, units, sensor_class: As in ``read_recordings``.
-        database: DBC file of the bus, for measurement files that contain CAN frames.
-        cylinder: The cylinder that was recorded.
+        files, channels, cylinder, load, names, units, sensor_class, database: As in ``read_recordings``.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         generations: Greatest number of generations of the global search.
         seed: Seeds the global search.
@@ -237,12 +240,10 @@ class ModelSearch:
         else:
             half_n = scatter_of_sessions(recordings, run.cylinder, CONFIDENCE) if named else math.inf
         half_n = math.hypot(half_n, run.load_uncertainty_n)
-        if half_n <= LARGE * _level_n(recordings):
-            return Zeros(half_n)
-        unknown = "the sensors' zeros are not stated, and one session does not show them"
-        return Zeros(
-            half_n, unknown if math.isinf(half_n) else f"zeros and load may shift friction by ± {half_n:.0f} N"
-        )
+        why_not = f"zeros and load may shift friction by ± {half_n:.0f} N"
+        if math.isinf(half_n):
+            why_not = "the sensors' zeros are not stated, and one session does not show them"
+        return Zeros(half_n, why_not if half_n > LARGE * _level_n(recordings) else "")
 
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]

@@ -64,10 +64,6 @@ SIGNS = (
     "p [Pa] is the sum of both gauge pressures, at least 0.",
 )
 CONFIDENCE = 0.95
-FITS_ALIKE, LEAST_SHARE, SOFTENED = 0.01, 0.02, 2.0
-"""A velocity fits as well as the best one if its error is greater by at most the first share of mean |friction|. Least
-half-width of an interval, as a share of the value: the bias by smoothing of label and velocity. Bristles may be stiffer
-by the last factor, because smoothing spreads a reversal over more travel."""
 INTERVALS = (
     f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros and "
     "the stated losses of lines may shift; errors of the model itself come on top"
@@ -80,18 +76,10 @@ UNSEPARATED = (
     "strokes do not tell it from dry friction, which changes with speed, pressure and place; record more strokes at "
     "constant speed, slow ones and fast ones, and other loads"
 )
-UNSEPARATED_FROM_LINES = (
-    "strokes do not tell it from what lines between sensors and cylinder lose, as that is stated too inexactly "
-    "(line_loss.uncertainty_percent)"
-)
 SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a shift of all friction changes: it adds while extending and subtracts while retracting."""
-COARSE = "bristles bend by {:.2g} m, less than the position's step of {:.2g} m; record a finer position"
-UNSEEN = "steady sliding of condition {} does not show it"
 LEAST_SPEEDS = 5
 """Least number of speeds of steady sliding in one direction: a direction's Stribeck curve has five parameters."""
-BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa")
-"""Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 _AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
 """Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""

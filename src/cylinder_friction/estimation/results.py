@@ -316,10 +316,9 @@ def restore_summary(results: Path) -> str:
     try:
         kept_recordings(results)
         target.listed()
+        return ""
     except (FileExistsError, ValueError, TypeError, LookupError) as error:
         problem = f"{type(error).__name__}: {error}"
-    else:
-        return ""
     found = read_results(results)
     recordings, last = [each.entry.to_dict() for each in found], found[-1].depends_on if found else {}
     target.claim([name for each in found for name in each.files], {"recordings": recordings, "depends_on": last})

@@ -5,9 +5,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.apparent_loss import STRIBECK_SPEEDS_M_S
 from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
@@ -89,7 +88,10 @@ def steady_intervals(
     if not all(way.any() for way in ways):
         return dict.fromkeys(_NAMES, (-np.inf, np.inf))
     part = np.repeat(np.arange(len(parts), dtype=np.int64), [len(each.stroke) for each in parts])
-    known = [speed, *(column for way in ways for column in _levels(way, part))]
+    known = [speed]
+    for way in ways:  # levels of dry friction: their mean, then the deviation of each recording but the first
+        first, *others = np.unique(part[way])
+        known += [1.0 * way, *(way * (1.0 * (part == each) - (part == first)) for each in others)]
     if set(PRESSURES) <= blocks.columns.keys():
         leaving_bar = [1e-5 * blocks.columns[name] for name in reversed(PRESSURES)]
         known += [way * (bar - (not at_zero) * bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
@@ -138,9 +140,3 @@ def scatter_of_sessions(recordings: Sequence[Recording], cylinder: Cylinder, con
     if free < 1:
         return np.inf
     return float(stdtrit(free, 0.5 + 0.5 * confidence) * np.sqrt((off_n**2).sum() / free / len(found)))
-
-
-def _levels(way: Mask, part: NDArray[np.int64]) -> list[Array]:
-    """List columns for the levels of dry friction in one direction: their mean, then each recording's deviation."""
-    first, *others = np.unique(part[way])
-    return [1.0 * way, *(way * (1.0 * (part == each) - (part == first)) for each in others)]
