@@ -360,7 +360,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identification.py ZEROS",
-        r"^zeros +(?:zero the sensors|weigh the load)|^intervals of 95 % hold",
+        r"^zeros +(?:zero the sensors|map the load)|^intervals of 95 % hold",
         lambda *_: True,  # Advice, and what the intervals are, which are counted
     ),
     (

@@ -74,7 +74,7 @@ def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_
     for load, pattern, load_n, advice in (
         ("none", None, 0.0, "zero the sensors and state how exactly"),  # Files that may be of one session
         ("none", "(?P<session>.*)", 0.0, ""),
-        ("position", None, 200.0, "weigh the load (--load NEWTONS)"),
+        ("position", None, 200.0, "map the load (a load cell, or computed from geometry)"),
     ):
         run: Any = SimpleNamespace(cylinder=CYLINDER, loss=None, load_uncertainty_n=load_n)
         run.offsets = {name: KnownOffset(name, "nothing", "") for name in "abc"}

@@ -273,7 +273,7 @@ def _bounds_in_words(run: LabelledLogs, results: Sequence[Result], offsets: Iter
         doubted = [each for each in offsets if each.doubt]
         but = ""
         if loaded:
-            but = f"; not in {counted(loaded, 'recording')} whose friction holds a load"
+            but = f"; not in {counted(loaded, 'recording')} whose friction holds a load or a sensor's zero"
         elif doubted:
             but = f"; but in {counted(len(doubted), 'session')} (first {doubted[0].session}): {doubted[0].doubt}"
         return f"{LABEL_BOUNDS}{but}{assumed and '; '}{assumed}"

@@ -84,7 +84,10 @@ ZEROS = (
     "zero the sensors and state how exactly (--sensor-class, or sensor.zero_uncertainty in the mapping), or give more "
     "sessions of each condition (--names), between which they were zeroed"
 )
-LOAD = "weigh the load (--load NEWTONS) or map a load cell; strokes do not tell it from asymmetric friction"
+LOAD = (
+    "map the load (a load cell, or computed from geometry), or weigh a constant one (--load NEWTONS); strokes do not "
+    "tell it from asymmetric friction"
+)
 
 
 def identify_logs(

@@ -298,7 +298,8 @@ def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
         return ""
     return (
         f"the sum of both pressures runs from {least:.3g} to {greatest:.3g} bar; how friction grows with it is "
-        f"determined from a factor of {LEAST_PRESSURE_SPAN:g} on; record other loads too"
+        f"determined from a factor of {LEAST_PRESSURE_SPAN:g} on; record other loads too, each as a condition of "
+        "its own (--names)"
     )
 
 

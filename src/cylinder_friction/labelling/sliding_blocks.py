@@ -133,7 +133,7 @@ def stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
     column = next(each for each in sensor_areas(recording, cylinder) if each not in recording.metadata.uncertainty)
     instead = (
         "state sensor.accuracy_percent or sensor.zero_uncertainty of the load cell in the mapping; "
-        f"{LOADED['position']}, so that there is none to identify"
+        f"without a load cell, {LOADED['position']}"
         if column == LOAD_FORCE
         else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
     )

@@ -84,6 +84,7 @@ TWO_CYLINDERS = {"t_s": TIME} | {
 }
 CRANE = {"Name": 2000.0 * TIME, "JibPaDCV": 2 * P1, "JibPbDCV": 2 * P1, "JibXRef": 0.5 * STROKE, "Ps": 7 * P1}
 JIB, JIB_APART = ("JibPaCyl", "JibPbCyl", "JibPistonPosition"), ("Jib Pa Cyl", "Jib Pb Cyl", "Jib Piston Position")
+TAGS = {"t": TIME, "Cyl/pA": P1, "Cyl/pB": P2, "Cyl/Pos [mm]": X}
 BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
 
 
@@ -91,6 +92,7 @@ BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
     ("channels", "found", "words"),
     [
         (TWO_CYLINDERS, list(TWO_CYLINDERS)[:4], "AMBIGUOUS: main_pA_cyl_bar (values 20 to 21) or jib_pA_cyl_bar"),
+        (TAGS, list(TAGS), "name means pressure, piston side"),
         (BY_ORDER, list(BY_ORDER), "CHECK: which side it is was guessed from the order"),
         ({"t": TIME, "Force [N]": X, "pos [mm]": X}, ["t", "Force [N]", "pos [mm]"], "the force stands in"),
         (PAIR | {"Load cell [kN]": X}, [*PAIR, "Load cell [kN]"], "it must be positive when it resists extension"),

@@ -156,7 +156,8 @@ def unit_in_name(name: str) -> str | None:
         return match["unit"]
     for pattern in (_IN_PARENTHESES, _DIVIDED):
         match = pattern.match(name)
-        if match and bare(match["unit"]).casefold() in KNOWN and match["unit"].upper() not in _PORTS:
+        port = match and (match["unit"].upper() in _PORTS or match["unit"] == "pA")  # the pressure at port A
+        if match and not port and bare(match["unit"]).casefold() in KNOWN:
             return match["unit"]
     return None
 
