@@ -111,7 +111,7 @@ def test_columns_are_found_and_doubts_marked(channels: dict[str, Any], found: li
 
 def test_units_are_taken_from_the_file_or_guessed_and_signals_get_a_sensor_to_fill_in() -> None:
     values = {"t": 1e3 * TIME, "p1": 40.0 * STROKE, "p2": 30.0 * STROKE, "x": 0.2 * STROKE}
-    text = text_of(values, {"p1": "MPa"})
+    text = text_of(values, {"t": "ms", "p1": "MPa"})
     assert [entry["unit"] for entry in channels_of(text).values()] == ["ms", "MPa", "bar or psi or MPa", "m"]
     assert "unit MPa as stated" in comment_of(text, "pressure_1_pa")
     assert "values 0 to 30 fit MPa" in comment_of(text, "pressure_2_pa")
@@ -125,6 +125,7 @@ def test_units_are_taken_from_the_file_or_guessed_and_signals_get_a_sensor_to_fi
     assert "NOT FOUND: the sensor's range" in comment_of(text, "pressure_1_pa")
 
 
+DATES = pd.Timestamp("2026-03-14 08:15") + pd.to_timedelta(np.arange(ROWS) // 200, "s")
 MEASURED = {"p1 [bar]": P1, "p2 [bar]": P2, "x [mm]": X}
 TEXT = np.array(["soon"] * ROWS, dtype=object)
 
@@ -152,7 +153,12 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
         ({"Sample": np.arange(ROWS), "Time": TIME}, "", {"channel": "Time", "unit": "s"}),
         ({"Sample": np.arange(ROWS), "t [ms]": np.arange(ROWS)}, "", {"channel": "t [ms]", "unit": "ms"}),
         ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "", {"channel": "ElapsedTicks", "unit": "100ns"}),
-        ({"ticks": 5 * np.arange(ROWS)}, "", {"channel": "ticks", "unit": "ms"}),
+        *[
+            ({name: 5 * np.arange(ROWS)}, "", {"channel": name, "unit": "ms or another unit"})
+            for name in ("t", "ticks")
+        ],
+        ({"elapsedMillis": 5 * np.arange(ROWS)}, "", {"channel": "elapsedMillis", "unit": "millis"}),
+        ({"PC time": DATES, "t [ms]": 5 * np.arange(ROWS)}, "", {"channel": "t [ms]", "unit": "ms"}),
         ({"Time": TIME / 60.0}, "", {"channel": "Time", "unit": "s or min"}),
         ({"Time": TIME / 3600.0}, "", {"channel": "Time", "unit": "d or h"}),
         ({"Time": np.round(TIME, 1), "flow": STROKE}, "", {"channel": "Time", "unit": "s"}),

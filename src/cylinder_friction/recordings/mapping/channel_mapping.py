@@ -27,7 +27,10 @@ STANDARD_ATMOSPHERE_PA = 101325.0
 
 _SPELLINGS: dict[str, dict[float | tuple[float, float], str]] = {
     "time": {
-        1.0: "s | sec secs second seconds sek sekunde sekunden", 1e-3: "ms | msec", 1e-6: "us | μs usec", 1e-9: "ns",
+        1.0: "s | sec secs second seconds sek sekunde sekunden",
+        1e-3: "ms | msec msecs millis millisec millisecs millisecond milliseconds millisekunden millitm",
+        1e-6: "us | μs usec usecs micros microsec microsecs microsecond microseconds mikrosekunden",
+        1e-9: "ns | nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden",
         1e-7: "100ns | ticks", 60.0: "min | minute minutes minuten", 3600.0: "h | hr hour hours std",
         86400.0: "d | day",
     },

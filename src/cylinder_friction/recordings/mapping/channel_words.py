@@ -83,6 +83,8 @@ def words_of(name: str) -> Words:
     folded = [token.casefold() for token in tokens]
     whole = len(plain) > 1 and plain.strip().casefold() in TIME_NAMES
     quantity = "time" if whole else _quantity(tokens)
+    if not unit and quantity in (None, "time") and len(last := folded[-1] if folded else "") > 1:
+        unit = last if quantity_of(last) == "time" and last != "ticks" else ""  # elapsedMillis; ticks are of any length
     vocabularies = ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE))
     ranked = ((side, words.rank(token)) for side, words in vocabularies for token in folded)
     # Single letters and digits show a side only together with a word for pressure.

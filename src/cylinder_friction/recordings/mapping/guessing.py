@@ -38,6 +38,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.recording import RecordingError
 
+COARSE = 0.4  # Factor on the score of a clock whose stamps repeat, so that a finer clock with a unit has the steps
 NEARLY = 3.0  # Largest distance from the best score of candidates that are also named
 BELOW_ZERO = 0.05
 """Share of its travel beyond which a position below zero shows that it does not count from the retracted end."""
@@ -46,7 +47,7 @@ MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 _ABSOLUTE = re.compile(r"absolut|(?<![^\W_])abs(?![^\W_])", re.IGNORECASE)
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 LIKELY_UNITS = {
-    "time": (("s ms us 100ns d", 2e-5, 0.5), ("min h", 4e-4, 0.029)),
+    "time": (("s ms us 100ns ns d", 2e-5, 0.5), ("min h", 4e-4, 0.029)),
     "pressure": (("bar Pa kPa psi MPa mbar", 1e5, 7e7),),
     "length": (("mm m in cm", 0.006, 5.0),),
     "force": (("N kN", 100.0, 5e6),),
@@ -58,6 +59,7 @@ For time they bound the step, for length the travel. The pressures of one file s
 """
 GREATEST_PRESSURE_PA = 7e7  # Pressure on the piston that gives the greatest credible force of a cylinder [Pa]
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
+ANOTHER_UNIT = "another unit"  # Stands among the units that a count may have
 STATE_RATE = "state the rate of the rows: --unit time=200Hz, or time_s: {rate_hz: 200} in the mapping"
 EVEN_SHARE = 0.01
 """Largest difference between median and mean step of an even clock, as a share."""
@@ -81,6 +83,7 @@ class ChannelFacts:
     step: float  # Median step between two rows [its unit, dates in ns]
     mean_step: float  # Mean step from the first to the last row [its unit, dates in ns]
     counts: bool  # Whether every step is exactly 1
+    bare: bool  # Whether it is whole numbers without a unit; a rate in the header shows that they are ms
     leads: bool  # Whether it is the first channel of its table
     text: str  # Its first cell that is not a number; empty if there is none
 
@@ -118,20 +121,23 @@ def _facts(index: int, table: LoggedTable, name: str) -> ChannelFacts:
         numbers = pd.to_numeric(raw, errors="coerce").to_numpy(np.float64)
         finite = stamps = numbers[np.isfinite(numbers)]
     steps = np.diff(stamps)
+    step, unit = float(np.median(steps)) if len(steps) else math.nan, stated or words.unit
+    in_ms = table.rate_hz is not None and abs(1e-3 * step * table.rate_hz - 1.0) <= EVEN_SHARE
     return ChannelFacts(
         table=index,
         table_name=table.name,
         name=name,
         words=words,
-        unit=stated or words.unit,
+        unit=unit,
         dates=dates,
         count=len(stamps),
         low=float(finite.min()) if len(finite) else math.nan,
         high=float(finite.max()) if len(finite) else math.nan,
         rising=len(steps) > 2 and way_of(stamps) == 1,
-        step=float(np.median(steps)) if len(steps) else math.nan,
+        step=step,
         mean_step=float(stamps[-1] - stamps[0]) / len(steps) if len(steps) else math.nan,
         counts=len(steps) > 2 and float(np.mean(steps == 1.0)) >= NEVER_FALLS,
+        bare=not (dates or unit or in_ms) and bool((np.abs(finite - np.rint(finite)) < 1e-6).all()),
         leads=name == table.channels.columns[0],
         text=next((cell for cell in raw if isinstance(cell, str)), "") if raw.dtype.kind == "O" else "",
     )
@@ -169,8 +175,9 @@ def time_score(channel: ChannelFacts, clock_given: bool) -> float:
     named time and steps by 1 is time if the unit of time is given.
     """
     named = channel.words.quantity == "time"
+    coarse = COARSE if channel.step == 0.0 else 1.0
     if channel.dates:
-        return 6.0 + named if channel.mean_step else 0.0
+        return coarse * (6.0 + named) if channel.mean_step else 0.0
     if not channel.rising or (channel.unit and quantity_of(channel.unit) != "time"):
         return 0.0
     counts_rows = channel.counts and not channel.unit and not (named and clock_given)
@@ -179,11 +186,14 @@ def time_score(channel: ChannelFacts, clock_given: bool) -> float:
     even = abs(channel.step - channel.mean_step) <= EVEN_SHARE * channel.mean_step
     if not (named or channel.unit or (channel.leads and even)):
         return 0.0
-    return 1.0 + 4.0 * named + 2.0 * bool(channel.unit)
+    return coarse * (1.0 + (1.0 if channel.bare else 4.0) * named + 2.0 * bool(channel.unit))
 
 
 def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylinder | None = None) -> list[str]:
-    """List the units that the values of all these channels fit, likeliest first; empty if they fit none."""
+    """List the units that the values of all these channels fit, likeliest first; empty if they fit none.
+
+    A count of time that states no unit also fits another unit.
+    """
     quantity, greatest = QUANTITIES[column], np.inf
     sizes = {
         "time": [each.step or each.mean_step for each in channels],
@@ -194,12 +204,15 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
         greatest = 1.05 * cylinder.stroke_m if quantity == "length" else GREATEST_PRESSURE_PA * cylinder.piston_area_m2
     size = np.array(max(sizes))
     ticks = quantity == "time" and all("tick" in each.name.casefold() for each in channels)
-    return [
+    fitting = [
         unit
         for units, low, high in LIKELY_UNITS[quantity]
         for unit in units.split()
         if low <= to_column_unit(size, unit, column) <= min(high, greatest) and (not ticks or unit in ("ms", "100ns"))
     ]
+    # A count may be of 10 ms or 100 us just as well. Ticks of 100 ns are .NET's.
+    may_be_other = quantity == "time" and any(each.bare for each in channels) and not (ticks and fitting == ["100ns"])
+    return [*fitting, ANOTHER_UNIT] if fitting and may_be_other else fitting
 
 
 def channels_of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:

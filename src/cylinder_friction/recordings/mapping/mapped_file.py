@@ -183,7 +183,8 @@ def _refuse_two_clocks(
         counts = [np.count_nonzero(np.isfinite(each.values)) for each in signals if each.time_s is time_s]
         for other in others:
             shorter = other.count < ENDS_TOGETHER * min(counts)  # it stamps channels that are not mapped
-            if not shorter and (other_hz := _other_rate(other, own_hz)):
+            unknown = not (clock.channel or other.unit or other.dates)  # a stated rate wins over a guessed unit
+            if not (shorter or unknown) and (other_hz := _other_rate(other, own_hz)):
                 own = repr(clock.channel) if clock.channel else "the stated rate"
                 raise RecordingError(
                     f"the table has two clocks, {own} with {own_hz[-1]:.4g} Hz and {other.name!r} with {other_hz:.4g} "

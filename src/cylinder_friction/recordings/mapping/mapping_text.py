@@ -10,7 +10,13 @@ import yaml
 from cylinder_friction.cylinder import ONE_CHAMBER
 from cylinder_friction.recordings.columns import PRESSURE_1, PRESSURE_2, QUANTITIES, SAMPLE_COLUMNS, TIME
 from cylinder_friction.recordings.mapping.channel_mapping import NOT_FOUND, electrical, units_agree
-from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, size_in_words, usual_unit
+from cylinder_friction.recordings.mapping.guessing import (
+    ANOTHER_UNIT,
+    GuessedColumn,
+    GuessedMapping,
+    size_in_words,
+    usual_unit,
+)
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import printable
 
@@ -128,8 +134,9 @@ def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
             ]
             fits = own[0].fitting or []
             words.append(f"{quantity} of {' and '.join(named)} fits {' or '.join(fits or ['no usual unit'])}")
-            units_to_state = fits or ["200Hz" if quantity == "time" else "UNIT"]
-            options.append(" or ".join(f"--unit {quantity}={unit}" for unit in units_to_state))
+            rate = ["the rate of the rows, such as --unit time=200Hz"] if quantity == "time" else []
+            stated = [f"--unit {quantity}={unit}" for unit in fits or ["UNIT"] * (not rate) if unit != ANOTHER_UNIT]
+            options.append(" or ".join([*stated, *rate]))
         raise RecordingError(
             f"no mapping was given, and units that the file does not state cannot be guessed: {'; '.join(words)}; "
             f"state what they are: {'; '.join(options)} (in Python units={{quantity: unit}}), or give a mapping"
