@@ -84,6 +84,7 @@ TWO_CYLINDERS = {"t_s": TIME} | {
 }
 CRANE = {"Name": 2000.0 * TIME, "JibPaDCV": 2 * P1, "JibPbDCV": 2 * P1, "JibXRef": 0.5 * STROKE, "Ps": 7 * P1}
 JIB, JIB_APART = ("JibPaCyl", "JibPbCyl", "JibPistonPosition"), ("Jib Pa Cyl", "Jib Pb Cyl", "Jib Piston Position")
+PORTS = {"t": TIME, "P [bar]": 7 * P1, "T [bar]": 0.1 * P1, "A [bar]": P1, "B [bar]": P2, "x": X}
 TAGS = {"t": TIME, "Cyl/pA": P1, "Cyl/pB": P2, "Cyl/Pos [mm]": X}
 BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
 
@@ -93,6 +94,7 @@ BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
     [
         (TWO_CYLINDERS, list(TWO_CYLINDERS)[:4], "AMBIGUOUS: main_pA_cyl_bar (values 20 to 21) or jib_pA_cyl_bar"),
         (TAGS, list(TAGS), "name means pressure, piston side"),
+        (PORTS, ["t", "A [bar]", "B [bar]", "x"], "name means piston side"),
         (BY_ORDER, list(BY_ORDER), "CHECK: which side it is was guessed from the order"),
         ({"t": TIME, "Force [N]": X, "pos [mm]": X}, ["t", "Force [N]", "pos [mm]"], "the force stands in"),
         (PAIR | {"Load cell [kN]": X}, [*PAIR, "Load cell [kN]"], "it must be positive when it resists extension"),

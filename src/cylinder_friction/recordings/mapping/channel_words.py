@@ -87,13 +87,14 @@ def words_of(name: str) -> Words:
         unit = last if quantity_of(last) == "time" and last != "ticks" else ""  # elapsedMillis; ticks are of any length
     vocabularies = ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE))
     ranked = ((side, words.rank(token)) for side, words in vocabularies for token in folded)
-    # Single letters and digits show a side only together with a word for pressure.
-    sides = (side for side, rank in ranked if rank == 2 or (rank == 1 and quantity == "pressure"))
+    # Single letters and digits show a side only beside a word for pressure, or alone in bar; a lone P is the supply.
+    pressure = quantity == "pressure" or (len(tokens) == 1 and quantity_of(unit) == "pressure")
+    sides = (side for side, rank in ranked if rank == 2 or (rank == 1 and pressure))
     wanted = any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded)
     known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, EITHER_SIDE, AT_VALVE, AT_CYLINDER)
     return Words(
         quantity=quantity,
-        side=next(sides, 0),
+        side=-1 if tokens == ["P"] else next(sides, 0),
         unit=unit,
         preference=any(map(AT_CYLINDER.rank, folded)) - any(map(AT_VALVE.rank, folded)) - 6.0 * wanted,
         carried=any(map(CARRIED.rank, folded)),
