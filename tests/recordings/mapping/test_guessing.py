@@ -85,7 +85,7 @@ TWO_CYLINDERS = {"t_s": TIME} | {
 CRANE = {"Name": 2000.0 * TIME, "JibPaDCV": 2 * P1, "JibPbDCV": 2 * P1, "JibXRef": 0.5 * STROKE, "Ps": 7 * P1}
 JIB, JIB_APART = ("JibPaCyl", "JibPbCyl", "JibPistonPosition"), ("Jib Pa Cyl", "Jib Pb Cyl", "Jib Piston Position")
 PORTS = {"t": TIME, "P [bar]": 7 * P1, "T [bar]": 0.1 * P1, "A [bar]": P1, "B [bar]": P2, "x": X}
-TAGS = {"t": TIME, "Cyl/pA": P1, "Cyl/pB": P2, "Cyl/Pos [mm]": X}
+TAGS = {"t": TIME, "Cyl/pA": P1, "Cyl/pB": P2, "Press.Pos_mm": X}
 BY_ORDER = {"t": TIME, "AI0 [bar]": P1, "AI1 [bar]": P2, "AI2 [mm]": X}
 
 

@@ -114,9 +114,10 @@ def _without_unit(name: str) -> tuple[str, str]:
     match = _ENDING.match(name)
     if match is None or match["unit"] == "pA":  # the pressure at port A
         return name, ""
-    unit, named = match["unit"], _quantity(_tokens(match["name"]))
-    measures = quantity_of(unit)
-    fits = measures is not None and (measures == named or (named is None and len(unit) > 1))
+    unit, tokens = match["unit"], _tokens(match["name"])
+    named, measures = _quantity(tokens), quantity_of(unit)
+    words = QUANTITY_WORDS.get(measures or "", Vocabulary(frozenset()))  # of a path, which may name two quantities
+    fits = any(words.rank(token.casefold()) for token in tokens) or (measures and named is None and len(unit) > 1)
     if fits or (electrical(unit) is not None and named not in (None, "other")):
         return match["name"], unit
     return name, ""
