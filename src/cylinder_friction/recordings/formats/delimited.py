@@ -293,7 +293,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     if not grids:
         raise RecordingError(
             f"no rows of numbers were found (lines searched: {len(content)}); expected a table: a line of names and "
-            "one line per sample; state what is unusual in the mapping, such as csv: {delimiter: '^', decimal: ','}"
+            "one line per sample; state what is unusual in the mapping, such as csv: {delimiter: ',', decimal: ','}"
         )
     grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content)
