@@ -12,7 +12,7 @@ from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 
 ROWS = 40
-STEPS_NS = 5_000_000 * np.arange(ROWS)
+STEPS_NS = 50_000_000 * np.arange(ROWS)
 BEGIN = np.datetime64("2026-03-14T08:15:00", "ns")
 STAMPS = BEGIN + STEPS_NS.astype("timedelta64[ns]")
 
@@ -29,8 +29,10 @@ def times(folder: Path, cells: list[str]) -> LoggedTable:
 
 def written(form: str) -> list[str]:
     return [
-        pd.Timestamp(stamp).strftime(form).format(ms=int(step) // 10**6 % 1000)
-        for stamp, step in zip(STAMPS, STEPS_NS, strict=True)
+        pd.Timestamp(stamp)
+        .strftime(form)
+        .format(s=int(stamp.astype(int)) // 10**9, ms=int(step) // 10**6 % 1000, row=row)
+        for row, (stamp, step) in enumerate(zip(STAMPS, STEPS_NS, strict=True))
     ]
 
 
@@ -42,6 +44,8 @@ def written(form: str) -> list[str]:
         ("Date,Time,p", "%m/%d/%Y,%I:%M:%S.{ms:03d} %p,1.5", "Time"),
         ("Datum;Uhrzeit;p", "%d.%m.%Y;%H:%M:%S,{ms:03d};1,5", "Uhrzeit"),
         ("Date,Time,Millitm,p", "%m/%d/%Y,%H:%M:%S,{ms},1.5", "Time"),
+        ("unix_s,ms,p", "{s},{ms},1.5", "unix_s"),
+        ("stamp.sec,stamp.nanosec,p", "{s},{ms}000000,1.5", "stamp.sec"),
         ("Number,Date&Time,Microseconds,p", "7,%Y/%m/%d %H:%M:%S,{ms}000,1.5", "Date&Time"),
     ],
 )
@@ -92,7 +96,7 @@ def test_other_numbers_are_no_dates(numbers: Any) -> None:
     assert epoch_of(numbers) is None
 
 
-@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.{ms:03d},1.5", "{ms},1.5"])
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.{ms:03d},1.5", "{row},1.5"])
 def test_rows_that_come_newest_first_are_turned_round(tmp_path: Path, form: str) -> None:
     rows = written(form)
     table, forward = (read(tmp_path, "Time,p", each) for each in (rows[::-1], rows))

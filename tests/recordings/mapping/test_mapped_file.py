@@ -208,6 +208,14 @@ def test_dates_of_two_tables_count_from_the_earliest() -> None:
     np.testing.assert_allclose(signals["pressure_1_pa"].time_s, expected_s)
 
 
+def test_a_clock_has_its_start_from_coarser_dates_beside_it() -> None:
+    dates = pd.Timestamp("2026-03-14 08:15") + pd.to_timedelta((7.3 + 0.5 * ROWS) // 1, "s")
+    cells = {"t": 500 * ROWS, "PC": dates, "a": np.ones(40), "b": np.ones(40), "x": np.zeros(40)}
+    start = map_signals([table("", **cells)], MAPPING).start
+    assert start is not None
+    assert start.text() == "2026-03-14T08:15:07.000"
+
+
 DATED = FAST | {"t": pd.Timestamp("2026-03-14") + pd.to_timedelta(np.arange(6) * 5, unit="ms")}
 SLOW_TIME, NO_TIME = table("slow", t2=[0.0, 1.0, 2.0], x=np.zeros(3)), table("slow", x=np.zeros(3))
 STAMPED = {"position_m": ChannelMapping("x", "mm", time="t")}

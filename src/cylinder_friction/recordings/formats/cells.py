@@ -344,14 +344,13 @@ def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
     return found if way_of(known) and 0.0 < mean_s <= longest_s else None
 
 
-_WORDS = {
-    10**6: "ms msec msecs millisec millisecs millisecond milliseconds millisekunden millitm",
-    10**3: "us µs usec usecs microsec microsecs microsecond microseconds mikrosekunden",
-    1: "ns nsec nsecs nanosec nanosecs nanosecond nanoseconds nanosekunden",
-}
-SUBSECONDS_NS = {word: unit_ns for unit_ns, words in _WORDS.items() for word in words.split()}
-"""Names of a column that holds a part of the second of a stamp beside it, and its unit [ns]."""
 FEWEST_ROWS = 20  # Fewest rows that show an order; in fewer, the order may be chance
+
+
+def _part_ns(name: str) -> int:
+    """Return the unit of a part of the second of a stamp beside it [ns], if a column's name states one; else 0."""
+    scale_s, _ = conversion(words_of(name).unit, "time") or (0.0, 0.0)
+    return round(1e9 * scale_s) if scale_s in (1e-3, 1e-6, 1e-9) else 0
 
 
 def names_to_read(names: Iterable[str], wanted: Collection[str] | None) -> set[str]:
@@ -362,7 +361,7 @@ def names_to_read(names: Iterable[str], wanted: Collection[str] | None) -> set[s
     there = set(names)
     if wanted is None or there.isdisjoint(wanted):
         return there if wanted is None else set()
-    clocks = {name for name in there if words_of(name).quantity == "time" or name.casefold() in SUBSECONDS_NS}
+    clocks = {name for name in there if words_of(name).quantity == "time" or _part_ns(name)}
     return clocks | there.intersection(wanted)
 
 
@@ -377,7 +376,7 @@ class Columns(NamedTuple):
 
 
 def columns_of(named: Iterable[tuple[str, Any]], decimal: str | None, wanted: Collection[str] | None) -> Columns:
-    """Read named Arrow columns; join date and time of day, or either with parts of a second."""
+    """Read named Arrow columns; join date and time of day."""
     read = [(name, column_values(column, decimal, name)) for name, column in named]
     clocks = {name: cells.clock_s for name, cells in read if cells.clock_s}
     units = {name: cells.unit for name, cells in read if cells.unit}
@@ -387,7 +386,7 @@ def columns_of(named: Iterable[tuple[str, Any]], decimal: str | None, wanted: Co
 
 
 def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
-    """Join dates with times of day (``clocks``, in seconds), and either with parts of a second."""
+    """Join dates with times of day (``clocks``, in seconds)."""
     found = dict(columns)
     days = [name for name, values in columns if values.dtype.kind == "M" and _known(values, DAY_S)]
     if len(days) == 1 and len(own := [name for name, _ in columns if name in clocks]) == 1:
@@ -395,19 +394,33 @@ def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[s
         dated = found[day] + pd.to_timedelta(found[clock], unit="s").to_numpy()
         kept, joined = (day, clock) if wanted and day in wanted and clock not in wanted else (clock, day)
         columns = [(name, dated if name == kept else own) for name, own in columns if name != joined]
-    found = dict(columns)
-    stamps = [
-        each for each in columns if each[1].dtype.kind == "M" or (each[0] in clocks and each[1].dtype.kind == "f")
-    ]
-    whole = [name for name, values in stamps if _known(values, 1) and not _known(values, DAY_S)]
-    parts = {name: SUBSECONDS_NS.get(name.casefold(), 0) for name, each in columns if each.dtype.kind in "iu"}
-    parts = {name: ns for name, ns in parts.items() if ns and ((found[name] >= 0) & (found[name] < 10**9 // ns)).all()}
-    if len(whole) == 1 and len(parts) == 1 and (wanted is None or whole[0] in wanted):
-        ((part, unit_ns),) = parts.items()
-        late: Any = unit_ns * found[part].astype(np.int64)
-        late = late.astype("timedelta64[ns]") if found[whole[0]].dtype.kind == "M" else 1e-9 * late
-        return [(name, own + late if name == whole[0] else own) for name, own in columns if name != part]
     return columns
+
+
+def _with_parts(table: LoggedTable, wanted: Collection[str]) -> LoggedTable:
+    """Join stamps of whole seconds (dates or numbers) with the part of the second in another column."""
+    names = [str(name) for name in table.channels.columns[~table.channels.columns.duplicated(keep=False)]]
+    numbers = {name: table.channels[name].to_numpy() for name in names if _part_ns(name) and name not in wanted}
+    parts = {
+        name: own.astype(np.int64) * _part_ns(name)
+        for name, own in numbers.items()
+        if own.dtype.kind in "iuf" and ((own >= 0) & (own < 1e9 / _part_ns(name)) & (own % 1 == 0)).all()
+    }
+    whole = [name for name in names if parts and name not in parts and _whole_seconds(table, name)]
+    if len(parts) != 1 or len(whole) != 1:
+        return table
+    ((part, late_ns),) = parts.items()
+    seconds = table.channels[whole[0]].to_numpy()
+    stamps = seconds + (late_ns.astype("timedelta64[ns]") if seconds.dtype.kind == "M" else 1e-9 * late_ns)
+    if not way_of(stamps):
+        return table
+    return replace(table, channels=table.channels.assign(**{whole[0]: stamps}).drop(columns=part))
+
+
+def _whole_seconds(table: LoggedTable, name: str) -> bool:
+    stamps, unit = table.channels[name].to_numpy(), table.units.get(name) or words_of(name).unit
+    timed = stamps.dtype.kind == "M" or (stamps.dtype.kind in "iuf" and conversion(unit, "time") == (1.0, 0.0))
+    return timed and _known(stamps, 1) and not _known(stamps, DAY_S)
 
 
 def on_its_day(found: Columns, start: Start | None, dated: Collection[str] | None) -> Columns:
@@ -433,14 +446,15 @@ def on_its_day(found: Columns, start: Start | None, dated: Collection[str] | Non
 
 def _known(stamps: NDArray[Any], step_s: int) -> bool:
     """Check whether there are stamps and all of them are multiples of ``step_s``."""
-    known = stamps[~pd.isna(stamps)]
-    known_ns = known.astype(np.int64) if known.dtype.kind == "M" else np.rint(1e9 * known).astype(np.int64)
-    return len(known) > 0 and not (known_ns % (step_s * 10**9)).any()
+    known = stamps[np.isfinite(stamps)]
+    numbers, unit = (known.astype(np.int64), 10**9) if known.dtype.kind == "M" else (known, 1)
+    return len(known) > 0 and not (numbers % (step_s * unit)).any()
 
 
 def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
     """Convert a table's numbers of days, seconds or ticks since a known date to dates, and note which.
 
+    Parts of a second complete whole seconds.
     Numbers with another unit of time, ``stated`` by a mapping or by the file, stay numbers if they are credible in it.
     """
     dates: dict[str, NDArray[Any]] = {}
@@ -456,10 +470,10 @@ def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
             continue
         dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
         notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")
-    if not dates:
-        return table
-    units = {name: unit for name, unit in table.units.items() if name not in dates}
-    return replace(table, channels=table.channels.assign(**dates), units=units, utc=utc, notes=(*table.notes, *notes))
+    if dates:
+        units, notes = {name: unit for name, unit in table.units.items() if name not in dates}, [*table.notes, *notes]
+        table = replace(table, channels=table.channels.assign(**dates), units=units, utc=utc, notes=tuple(notes))
+    return _with_parts(table, stated)
 
 
 def oldest_first(table: LoggedTable) -> LoggedTable:

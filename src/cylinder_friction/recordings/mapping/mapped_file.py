@@ -25,6 +25,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
 from cylinder_friction.recordings.mapping.guessing import STATE_RATE, ChannelFacts, clocks_of
 from cylinder_friction.recordings.recording import RecordingError, Signal, Start
 
+DATES_AGREE = np.timedelta64(2, "s")  # Largest difference of dates and a clock beside them, by resolution and drift
 RATE_AGREES = 0.05  # Largest difference of a stated rate from a time channel's, as a share: stamps are rounded or lost
 TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # Possible units of a time channel without a stated unit [s]
 ENDS_TOGETHER = 0.95  # Least ratio of the lengths of columns with one rate, and of valid values in one without gaps
@@ -249,7 +250,21 @@ def _stamps(
         else:
             assert time.rate_hz is not None
             stamps_s[clock] = np.arange(len(tables[clock.table].channels)) / time.rate_hz
+    if not known:
+        beside = (_start_beside(tables[clock.table], time_s) for clock, time_s in stamps_s.items())
+        start = next(filter(None, beside), start)
     return stamps_s, start
+
+
+def _start_beside(table: LoggedTable, time_s: Array) -> Start | None:
+    """Find when a clock was at 0 s from dates beside it; None if the two do not run alike."""
+    for name, raw in table.channels.items():
+        if raw.dtype.kind == "M" and (rows := raw.notna().to_numpy() & np.isfinite(time_s)).any():
+            since = np.rint(1e9 * time_s[rows]).astype("timedelta64[ns]")
+            starts = raw.to_numpy("datetime64[ns]")[rows] - since
+            if starts.max() - starts.min() < DATES_AGREE:
+                return Start(starts.max(), table.utc, f"dates of {name!r}")  # a coarse clock shows a past time
+    return None
 
 
 def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
