@@ -63,6 +63,7 @@ class World:
     load: str = "none"  # As ``--load`` states it
     noisy_position: bool = False
     identifies: bool = False  # Whether `identify` reads condition 1 too
+    line_stated: float = 0.0  # Loss of the line as stated, with ± 20 %, over the true one; 0 if it is not stated
     specimen: str = "wide"  # As in ``CampaignPlan``, or "free of pressure"
 
     @property
@@ -89,6 +90,9 @@ WORLDS = {
     "100 Hz": World(options={"sample_time_s": 0.01}),
 }
 ONLY_INTERVALS = {
+    "line stated 20 % too small": World(options={"line_loss_bar": 3.0}, line_stated=0.8),
+    "line stated 20 % too large": World(options={"line_loss_bar": 3.0}, line_stated=1.2),
+} | {
     name: World(0.05, 0.05, specimen=specimen)
     for name, specimen in (("default rig", "default"), ("friction free of pressure", "free of pressure"))
 }
@@ -419,6 +423,10 @@ def write_logs(made: Simulated, folder: Path) -> Path:
     content = yaml.safe_load(MAPPING.read_text())
     for name in ("pressure_1_pa", "pressure_2_pa"):
         content["channels"][name]["sensor"]["zero_uncertainty"] = made.world.stated_bar / math.sqrt(3.0)
+        if stated_bar := made.world.line_stated * made.world.line_bar:
+            share = 1.0 if name == "pressure_1_pa" else made.cylinder.piston_area_m2 / made.cylinder.annulus_area_m2
+            line = {"bar": stated_bar, "speed_m_s": LOSS_SPEED_M_S * share, "laminar_percent": 20.0}
+            content["channels"][name]["sensor"]["line_loss"] = line
     (folder / "logs").mkdir()
     generator = np.random.default_rng(0)
     for each in made.recorded:
