@@ -29,9 +29,7 @@ def times(folder: Path, cells: list[str]) -> LoggedTable:
 
 def written(form: str) -> list[str]:
     return [
-        pd.Timestamp(stamp)
-        .strftime(form)
-        .format(s=int(stamp.astype(int)) // 10**9, ms=int(step) // 10**6 % 1000, row=row)
+        pd.Timestamp(stamp).strftime(form).format(s=int(stamp) // 10**9, ms=int(step) // 10**6 % 1000, row=row)
         for row, (stamp, step) in enumerate(zip(STAMPS, STEPS_NS, strict=True))
     ]
 

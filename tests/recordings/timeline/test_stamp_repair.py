@@ -114,12 +114,9 @@ def test_the_first_of_rows_with_one_stamp_stays(time_s: np.ndarray, values: np.n
     assert repairs == [repair]
 
 
-@pytest.mark.parametrize(
-    ("rate_hz", "tick_s", "begin_s"),
-    [(200.0, 0.015625, 0.0), (1000.0, 0.1, 0.0), (210.0, 0.010, 0.0), (97.3, 0.05, 0.0), (200.0, 1.0, 0.635)],
-)
-def test_a_coarse_clock_is_spread_evenly(rate_hz: float, tick_s: float, begin_s: float) -> None:
-    true_s = begin_s + np.arange(COARSE_ROWS) / rate_hz
+@pytest.mark.parametrize(("rate_hz", "tick_s"), [(200, 0.015625), (1000, 0.1), (210, 0.01), (97.3, 0.05), (200, 1.0)])
+def test_a_coarse_clock_is_spread_evenly(rate_hz: float, tick_s: float) -> None:
+    true_s = 0.635 + np.arange(COARSE_ROWS) / rate_hz
     stamps_s = np.floor(true_s / tick_s + 1e-9) * tick_s
     result_s, keep, repairs = resolved(stamps_s, NOISE)
     assert keep.all()

@@ -381,12 +381,7 @@ def columns_of(named: Iterable[tuple[str, Any]], decimal: str | None, wanted: Co
     clocks = {name: cells.clock_s for name, cells in read if cells.clock_s}
     units = {name: cells.unit for name, cells in read if cells.unit}
     notes = [cells.note for _, cells in read if cells.note]
-    columns = _joined([(name, cells.values) for name, cells in read], clocks, wanted)
-    return Columns(columns, units, notes, any(cells.utc for _, cells in read), clocks)
-
-
-def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
-    """Join dates with times of day (``clocks``, in seconds)."""
+    columns: list[Column] = [(name, cells.values) for name, cells in read]
     found = dict(columns)
     days = [name for name, values in columns if values.dtype.kind == "M" and _known(values, DAY_S)]
     if len(days) == 1 and len(own := [name for name, _ in columns if name in clocks]) == 1:
@@ -394,7 +389,7 @@ def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[s
         dated = found[day] + pd.to_timedelta(found[clock], unit="s").to_numpy()
         kept, joined = (day, clock) if wanted and day in wanted and clock not in wanted else (clock, day)
         columns = [(name, dated if name == kept else own) for name, own in columns if name != joined]
-    return columns
+    return Columns(columns, units, notes, any(cells.utc for _, cells in read), clocks)
 
 
 def _with_parts(table: LoggedTable, wanted: Collection[str]) -> LoggedTable:
@@ -412,9 +407,8 @@ def _with_parts(table: LoggedTable, wanted: Collection[str]) -> LoggedTable:
     ((part, late_ns),) = parts.items()
     seconds = table.channels[whole[0]].to_numpy()
     stamps = seconds + (late_ns.astype("timedelta64[ns]") if seconds.dtype.kind == "M" else 1e-9 * late_ns)
-    if not way_of(stamps):
-        return table
-    return replace(table, channels=table.channels.assign(**{whole[0]: stamps}).drop(columns=part))
+    joined = table.channels.assign(**{whole[0]: stamps}).drop(columns=part)
+    return replace(table, channels=joined) if way_of(stamps) else table
 
 
 def _whole_seconds(table: LoggedTable, name: str) -> bool:

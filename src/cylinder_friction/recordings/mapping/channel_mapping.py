@@ -22,6 +22,7 @@ from cylinder_friction.recordings.recording import RecordingError, SensorUncerta
 
 NOT_FOUND = "NOT FOUND"
 """Placeholder for a channel's name that the user must fill in; ingest refuses it and lists the file's channels."""
+ANOTHER_UNIT = "another unit"  # Stands among the units that a count without one may have
 STANDARD_ATMOSPHERE_PA = 101325.0
 """Absolute less gauge pressure [Pa] (ISO 2533). The weather's ±3 kPa remain as an error of the zero."""
 

@@ -27,6 +27,7 @@ from cylinder_friction.recordings.columns import (
 from cylinder_friction.recordings.formats.cells import NEVER_FALLS, way_of
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import (
+    ANOTHER_UNIT,
     electrical,
     known_units,
     of_stroke,
@@ -59,7 +60,6 @@ For time they bound the step, for length the travel. The pressures of one file s
 """
 GREATEST_PRESSURE_PA = 7e7  # Pressure on the piston that gives the greatest credible force of a cylinder [Pa]
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
-ANOTHER_UNIT = "another unit"  # Stands among the units that a count may have
 STATE_RATE = "state the rate of the rows: --unit time=200Hz, or time_s: {rate_hz: 200} in the mapping"
 EVEN_SHARE = 0.01
 """Largest difference between median and mean step of an even clock, as a share."""
@@ -190,10 +190,7 @@ def time_score(channel: ChannelFacts, clock_given: bool) -> float:
 
 
 def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylinder | None = None) -> list[str]:
-    """List the units that the values of all these channels fit, likeliest first; empty if they fit none.
-
-    A count of time that states no unit also fits another unit.
-    """
+    """List the units that the values of all these channels fit, likeliest first; empty if they fit none."""
     quantity, greatest = QUANTITIES[column], np.inf
     sizes = {
         "time": [each.step or each.mean_step for each in channels],

@@ -9,14 +9,8 @@ import yaml
 
 from cylinder_friction.cylinder import ONE_CHAMBER
 from cylinder_friction.recordings.columns import PRESSURE_1, PRESSURE_2, QUANTITIES, SAMPLE_COLUMNS, TIME
-from cylinder_friction.recordings.mapping.channel_mapping import NOT_FOUND, electrical, units_agree
-from cylinder_friction.recordings.mapping.guessing import (
-    ANOTHER_UNIT,
-    GuessedColumn,
-    GuessedMapping,
-    size_in_words,
-    usual_unit,
-)
+from cylinder_friction.recordings.mapping.channel_mapping import ANOTHER_UNIT, NOT_FOUND, electrical, units_agree
+from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, size_in_words, usual_unit
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import printable
 
