@@ -8,7 +8,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -99,8 +99,7 @@ class NameRules:
 
 def name_of(path: str) -> str:
     """Make a recording's name from its file's path: drop the last suffix and replace ``/`` by ``-``."""
-    stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
-    return stem.replace("/", "-")
+    return re.sub(r"\.[^./]*\Z", "", path).replace("/", "-")
 
 
 @dataclass(frozen=True)
@@ -176,8 +175,9 @@ class Recipe:
         ``settings`` contains ``channels``; other keys are optional. Recordings are checked against the cylinder's
         stroke and areas.
         """
-        groups = {"csv": CsvOptions(), "time": TimeRules(), "start": StartRules(), "checks": CheckRules()}
-        for given, known in ((settings, KEYS), *((settings.get(name, {}), vars(own)) for name, own in groups.items())):
+        kinds: dict[str, Any] = {"csv": CsvOptions, "time": TimeRules, "start": StartRules, "checks": CheckRules}
+        given_rules = {name: settings.get(name, {}) for name in kinds}
+        for given, known in ((settings, KEYS), *((given_rules[name], vars(own())) for name, own in kinds.items())):
             if unknown := sorted(given.keys() - known):
                 raise RecordingError(f"mapping: key {unknown[0]!r} is not known; expected some of {', '.join(known)}")
         channels = {
@@ -188,17 +188,10 @@ class Recipe:
         steps = {column: limits.step for column, limits in sensor_limits(channels).items() if limits.step}
         stated = load if isinstance(load, StatedLoad) else None
         mode: LoadMode = "measured" if isinstance(load, StatedLoad) else load
-        limits = CheckLimits(cylinder, mode, steps, stated, **settings.get("checks", {}))
-        return cls(
-            names=names,
-            channels=channels,
-            limits=limits,
-            csv=CsvOptions(**settings.get("csv", {})),
-            time=TimeRules(**settings.get("time", {})),
-            start=StartRules(**settings.get("start", {})),
-            asset=settings.get("asset") or "",
-            database=Path(settings["database"]) if settings.get("database") else None,
-        )
+        limits = CheckLimits(cylinder, mode, steps, stated, **given_rules.pop("checks"))
+        rules = {name: kinds[name](**given) for name, given in given_rules.items()}
+        database = Path(settings["database"]) if settings.get("database") else None
+        return cls(names, channels, limits, **rules, asset=settings.get("asset") or "", database=database)
 
 
 @dataclass(frozen=True)
@@ -294,13 +287,10 @@ def _guessed(
             check_unit(column, unit)
     read = partial(read_logged_file, database=database, rows=ROWS_AT_ONCE)
     try:
-        for path in paths[:-1]:
-            with suppress(RecordingError):
+        for path in paths:
+            with nullcontext() if path == paths[-1] else suppress(RecordingError):
                 tables = read(path)
                 break
-        else:
-            path = paths[-1]
-            tables = read(path)
         guess = guess_mapping(tables, path, cylinder, units)
         if load not in (None, "measured"):
             guess = replace(guess, columns={name: each for name, each in guess.columns.items() if name != LOAD_FORCE})

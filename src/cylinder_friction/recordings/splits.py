@@ -83,8 +83,7 @@ def split(
 def _sessions_by_condition(metadata: Sequence[RecordingMetadata]) -> dict[str, set[str]]:
     if not metadata:
         raise RecordingError("nothing to split, got no recording; expected at least one session per role and condition")
-    twice = [name for name, count in Counter(entry.name for entry in metadata).items() if count > 1]
-    if twice:
+    if twice := [name for name, count in Counter(entry.name for entry in metadata).items() if count > 1]:
         raise RecordingError(f"recording {min(twice)!r} occurs twice; expected unique names")
     conditions: dict[str, str] = {}
     sessions: dict[str, set[str]] = {}

@@ -24,10 +24,12 @@ def write_recording(
     Example:
         >>> from tempfile import mkdtemp
         >>> from pathlib import Path
-        >>> from cylinder_friction.recordings.storage import read_recording, write_recording
-        >>> path = write_recording(Path(mkdtemp()), labelled[0])
-        >>> path.name == f"{labelled[0].name}.parquet", len(read_recording(path)) == len(labelled[0])
-        (True, True)
+        >>> from cylinder_friction.recordings.storage import read_stored, write_recording
+        >>> folder = Path(mkdtemp())
+        >>> write_recording(folder, labelled[0]).name == f"{labelled[0].name}.parquet"
+        True
+        >>> [len(recording) for recording in read_stored(folder)] == [len(labelled[0])]
+        True
     """
     path, arrays, fields = folder / f"{stem or recording.name}.parquet", [], []
     for name, values in recording.columns.items():
@@ -80,16 +82,5 @@ def recording_paths(folder: Path) -> list[Path]:
 
 
 def read_stored(folder: Path) -> list[Recording]:
-    """Read all recordings of a folder, sorted by name.
-
-    Example:
-        >>> from tempfile import mkdtemp
-        >>> from pathlib import Path
-        >>> from cylinder_friction.recordings.storage import read_stored, write_recording
-        >>> folder = Path(mkdtemp())
-        >>> for recording in labelled:
-        ...     _ = write_recording(folder, recording)
-        >>> len(read_stored(folder)) == len(labelled)
-        True
-    """
+    """Read all recordings of a folder, sorted by name."""
     return [read_recording(path) for path in recording_paths(folder)]

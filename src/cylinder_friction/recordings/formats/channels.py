@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -43,20 +44,25 @@ def unit_among(properties: Mapping[str, Any]) -> str:
     return next((text.strip() for text in texts if isinstance(text, str) and text), "")
 
 
-def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any]]:
-    """List the channels of an array of this shape: name, length, and index of the channel's values in the array.
+def channels_of(name: str, values: Any, unit: str = "") -> list[Channel]:
+    """List the channels of an array, or of a dataset, which is then read channel by channel.
 
     A row or column vector is one channel. A matrix gives the channels name_1, name_2, ...; its longer side is time. An
     array with fewer than two values or more than two axes gives no channel.
     """
-    if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
-        return [(name, max(shape), ())] if max(shape) > 1 else []
-    if len(shape) != 2 or 0 in shape:
+    shape: tuple[int, ...] = values.shape
+    if max(shape, default=0) < 2 or 0 in shape or len(shape) > 2:
         return []
-    every, across = slice(None), shape[0] >= shape[1]
-    return [
-        (f"{name}_{index + 1}", max(shape), (every, index) if across else (index, every)) for index in range(min(shape))
-    ]
+    places: dict[str, Any] = {name: ()}
+    if len(shape) == 2 and 1 not in shape:
+        every, across = slice(None), shape[0] >= shape[1]
+        places = {f"{name}_{at + 1}": (every, at) if across else (at, every) for at in range(min(shape))}
+    return [Channel(own, max(shape), partial(flat, values, at), unit) for own, at in places.items()]
+
+
+def flat(values: Any, at: Any = ()) -> NDArray[Any]:
+    """Load the numbers at a place of an array or a dataset, shape ``(n,)``."""
+    return np.ascontiguousarray(numeric(values[at].reshape(-1)))
 
 
 def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:

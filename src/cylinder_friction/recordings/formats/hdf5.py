@@ -1,17 +1,17 @@
 """Read HDF5 files: datasets as channels named by their paths, compound datasets as tables."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.channels import (
     Channel,
     Found,
-    column_arrays,
-    numeric,
+    channels_of,
+    flat,
     table_of,
     tables_by_length,
     unit_among,
@@ -40,13 +40,11 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
             shape: tuple[int, ...] = node.shape or ()
             if node.dtype.names and len(shape) == 1 and shape[0] > 0:
                 fields = [name for name in node.dtype.names if node.dtype[name].kind in "biuf"]
-                channels = [Channel(name, shape[0], partial(_values, node, name)) for name in fields]
+                channels = [Channel(name, shape[0], partial(flat, node.fields(name))) for name in fields]
                 tables.append(table_of(channels, wanted, path))
-            elif shape and node.dtype.kind in "biuf" and (arrays := column_arrays(path, shape)):
+            elif shape and node.dtype.kind in "biuf" and (channels := channels_of(path, node)):
                 unit, step_s = unit_among(node.attrs), _sample_time_s(node)
-                found.channels += [
-                    Channel(name, length, partial(_values, node, at), unit, step_s) for name, length, at in arrays
-                ]
+                found.channels += [replace(each, unit=unit, sample_time_s=step_s) for each in channels]
             else:
                 found.others.append(path)
 
@@ -54,11 +52,6 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
         if found.channels or not tables:
             tables += tables_by_length(found, wanted, "/")
         return tables
-
-
-def _values(node: Any, at: Any) -> NDArray[Any]:
-    values = node.fields(at)[()] if isinstance(at, str) else node[at].reshape(-1)
-    return numeric(np.ascontiguousarray(values))
 
 
 def _sample_time_s(node: Any) -> float | None:

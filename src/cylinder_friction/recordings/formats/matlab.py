@@ -2,14 +2,12 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats import hdf5
-from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
+from cylinder_friction.recordings.formats.channels import Found, channels_of, tables_by_length
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 
 VERSION_5 = b"MATLAB 5.0 MAT-file"
@@ -27,14 +25,10 @@ def walk(name: str, value: Any, found: Found, unit: str = "") -> None:
     elif isinstance(value, list):
         for index, entry in enumerate(value, start=1):
             walk(f"{name}_{index}", entry, found, unit)
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and (arrays := column_arrays(name, value.shape)):
-        found.channels += [Channel(path, length, partial(_values, value, at), unit) for path, length, at in arrays]
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and (own := channels_of(name, value, unit)):
+        found.channels += own
     else:
         found.others.append(name)
-
-
-def _values(values: NDArray[Any], at: Any) -> NDArray[Any]:
-    return np.ascontiguousarray(numeric(values[at].reshape(-1)))
 
 
 def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = "") -> None:
@@ -71,16 +65,22 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
 
     Single values, text and objects are no channels. Their names are listed in ``unread``.
     """
-    if not source.head.startswith(VERSION_5):
-        return _read_73(source, wanted)
-    import scipy.io  # only MATLAB files need it
-
-    handle: Any = source.handle()
-    content = scipy.io.loadmat(handle, simplify_cells=True, verify_compressed_data_integrity=True)
-    if "None" in content:  # SciPy names every object so; only the last one is kept
-        content["an object"] = content.pop("None")
     found = Found()
-    walk_struct("", {name: _tree(value) for name, value in content.items() if not name.startswith("__")}, found)
+    if source.head.startswith(VERSION_5):
+        import scipy.io  # only MATLAB files need it
+
+        handle: Any = source.handle()
+        content = scipy.io.loadmat(handle, simplify_cells=True, verify_compressed_data_integrity=True)
+        if "None" in content:  # SciPy names every object so; only the last one is kept
+            content["an object"] = content.pop("None")
+        walk_struct("", {name: _tree(value) for name, value in content.items() if not name.startswith("__")}, found)
+    else:
+        replace(hdf5.FORMAT, what="a MATLAB 7.3 file").refuse_missing_library()
+        import h5py
+
+        with h5py.File(source.handle(), "r") as file:
+            walk_struct("", {name: _tree73(file[name]) for name in file if not name.startswith("#")}, found)
+            _add_table73(file, found)
     return tables_by_length(found, wanted, ".")
 
 
@@ -91,17 +91,6 @@ def _tree(value: Any) -> Any:
     if isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype == object):
         return [_tree(entry) for entry in np.ravel(np.array(value, dtype=object))]
     return value
-
-
-def _read_73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    replace(hdf5.FORMAT, what="a MATLAB 7.3 file").refuse_missing_library()
-    import h5py
-
-    with h5py.File(source.handle(), "r") as file:
-        found = Found()
-        walk_struct("", {name: _tree73(file[name]) for name in file if not name.startswith("#")}, found)
-        _add_table73(file, found)
-        return tables_by_length(found, wanted, ".")
 
 
 class _References(list[Any]):

@@ -40,11 +40,9 @@ _OTHERS = {
 
 def format_of(head: bytes) -> Format:
     """Determine the format of a file by its first bytes."""
-    found = [each for each in FORMATS.values() if head.startswith(each.starts)] or [
-        each for each in FORMATS.values() if each.fits and each.fits(head)
-    ]
-    if found:
-        return found[0]
+    for each in FORMATS.values():
+        if head.startswith(each.starts) or (each.fits and each.fits(head)):
+            return each
     other = next((f"is {name}" for start, name in _OTHERS.items() if head.startswith(start)), "")
     if not other and is_text(head):
         return delimited.FORMAT
