@@ -13,6 +13,7 @@ import tempfile
 import warnings
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +49,7 @@ from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
-from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
+from cylinder_friction.recordings.checks.limits import Load
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.conversion import SeenRecordings, logged_files, overlaps_in_words
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, Logs, find_logs
@@ -74,7 +75,7 @@ def estimate_logs(
     *,
     channels: str | Path | Mapping[str, Any] | None = None,
     model: FrictionEstimator | str | Path | None = None,
-    load: LoadMode | StatedLoad | None = None,
+    load: Load | None = None,
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
@@ -137,7 +138,7 @@ def estimate_logs(
         labelled = _labelled(run, kept, depends_on)
         if not listed:
             target.claim()
-        new = _write_results(run, labelled, into, file_format, depends_on, listed)
+        new = _write_results(run, labelled, ResultWriter(run.friction, into, file_format, depends_on, listed))
         results = sorted([*kept, *new], key=lambda each: Path(each.entry.source_file))
         current, processed = ({each.entry.name for each in some} for some in (results, new))
         stale = [each for each in there if each.entry.name not in current]
@@ -171,22 +172,14 @@ def _labelled(run: LabelledLogs, kept: Sequence[Result], depends_on: Mapping[str
     return run.labelled(seen, evidence)
 
 
-def _write_results(
-    run: LabelledLogs,
-    labelled: Sequence[LabelledRecording],
-    folder: Path,
-    file_format: FileFormat,
-    depends_on: Mapping[str, str],
-    listed: Collection[str],
-) -> list[Result]:
+def _write_results(run: LabelledLogs, labelled: Sequence[LabelledRecording], writer: ResultWriter) -> list[Result]:
     """Write the result of each recording; add recordings that cannot be written to ``refused``."""
     of_file = Counter(each.metadata.source_file for each in labelled)
-    given: dict[str, Any] = {"file_format": file_format, "depends_on": depends_on, "listed": listed}
-    write = partial(_written, run.friction, folder, run.loss, **given)
     work = []
     for each in labelled:
         about = each.metadata
-        work.append(partial(write, each, run.offsets.get(about.session), of_file[about.source_file]))
+        offset = run.offsets.get(about.session)
+        work.append(partial(writer.written, each, offset, run.loss, of_file[about.source_file]))
     results = []
     for each, result in zip(labelled, run.workers.in_order(work), strict=True):
         if isinstance(result, LostPiece):
@@ -198,36 +191,27 @@ def _write_results(
     return results
 
 
-def _written(
-    friction: RecordingFriction,
-    folder: Path,
-    loss: ApparentLoss | None,
-    labelled: LabelledRecording,
-    offset: KnownOffset | None,
-    of_file: int,
-    *,
-    file_format: FileFormat,
-    depends_on: Mapping[str, str],
-    listed: Collection[str],
-) -> Result:
-    """Subtract the offset from a recording's friction and write its result.
+@dataclass(frozen=True)
+class ResultWriter:
+    """Subtracts offsets from the friction of recordings and writes their results."""
 
-    ``of_file`` is the number of recordings in its log.
-    """
-    finished = friction.finished(waiting(labelled.result), offset, loss).described(depends_on=depends_on)
-    entry = friction.entry(finished, labelled.load)
-    also = [f"{entry.name}.csv"] if file_format == "csv" else []
-    result = Result(
-        entry,
-        depends_on,
-        of_file,
-        (*also, pane_file(entry.name)),
-        bounded=bool(np.isfinite(finished.column("lower_n")).any()),
-        offset=offset,
-        compared=packed(labelled.evidence, labelled.samples),
-    )
-    write_result(folder, finished, result, friction_pane(finished), listed)
-    return result
+    friction: RecordingFriction
+    folder: Path
+    file_format: FileFormat
+    depends_on: Mapping[str, str]
+    listed: Collection[str]  # Files in the folder that an earlier run wrote
+
+    def written(
+        self, labelled: LabelledRecording, offset: KnownOffset | None, loss: ApparentLoss | None, of_file: int
+    ) -> Result:
+        """Write the result of one recording. ``of_file`` is the number of recordings in its log."""
+        finished = self.friction.finished(waiting(labelled.result), offset, loss).described(depends_on=self.depends_on)
+        entry, bounded = self.friction.entry(finished, labelled.load), np.isfinite(finished.column("lower_n")).any()
+        beside = (*([f"{entry.name}.csv"] if self.file_format == "csv" else []), pane_file(entry.name))
+        compared = packed(labelled.evidence, labelled.samples)
+        result = Result(entry, self.depends_on, of_file, beside, bool(bounded), offset, compared)
+        write_result(self.folder, finished, result, friction_pane(finished), self.listed)
+        return result
 
 
 def _write_summary(target: ResultFolder, before: dict[str, Any], result: FrictionOfLogs, files: Sequence[str]) -> None:

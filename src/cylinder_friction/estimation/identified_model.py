@@ -149,9 +149,8 @@ class IdentifiedCurve:
     ) -> Self:
         """Fit the line through points of one condition, and widen the points by zeros and by losses of lines.
 
-        ``loss`` is an unstated loss, and ``lines_n`` the expanded uncertainty of stated ones at each point.
-
-        If zeros or loss are unknown, there is no line: its friction in each direction would be taken as known.
+        ``loss`` is an unstated loss, and ``lines_n`` the expanded uncertainty of stated ones at each point. If zeros or
+        loss are unknown, there is no line: its friction in each direction would be taken as known.
         """
         curve, why_not = known_curve(points)
         slow = why_not if curve is None else no_rise_seen(curve, points)

@@ -177,12 +177,9 @@ def read_result(path: Path) -> Result | None:
     about: dict[str, Any] = json.loads(texts[ABOUT])
     entry = about["entry"]
     lists = {"repairs": tuple(entry["repairs"]), "levels": tuple(FrictionLevel(**each) for each in entry["levels"])}
-    about |= {
-        "entry": FrictionOfRecording(**{**entry, **lists}),
-        "offset": about["offset"] and KnownOffset(**about["offset"]),
-        "beside": tuple(about["beside"]),
-    }
-    return Result(**about | {"compared": texts[COMPARED]})
+    offset = about["offset"] and KnownOffset(**about["offset"])
+    own = {"entry": FrictionOfRecording(**entry | lists), "offset": offset, "beside": tuple(about["beside"])}
+    return Result(**about | own | {"compared": texts[COMPARED]})
 
 
 def write_result(folder: Path, finished: Recording, result: Result, pane: str, listed: Collection[str] = ()) -> None:

@@ -168,17 +168,12 @@ def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe:
 
 
 def pieces_from(
-    tables: Sequence[LoggedTable],
-    recipe: Recipe,
-    about: RecordingMetadata,
-    *,
-    screened: bool = True,
-    rows_before: int = 0,
+    tables: Sequence[LoggedTable], recipe: Recipe, about: RecordingMetadata, *, screened: bool = True, above: int = 0
 ) -> list[Recording]:
     """Map, screen and align tables. Return unbroken pieces in SI units at a constant rate, which are not checked yet.
 
     Without ``screened``, bad samples are kept for inspection, and only repairs of time are reported. If the tables are
-    a part of a file, ``rows_before`` counts the rows above them; a clock made from a stated rate continues from there.
+    a part of a file, ``above`` counts the rows above them; a clock made from a stated rate continues from there.
     """
     mapped = map_signals(tables, recipe.channels)
     signals, notes, rules = mapped.signals, tuple[str, ...](), recipe.start
@@ -187,8 +182,8 @@ def pieces_from(
         unknown, start = f"its clock started in the future, {start.text()} ({start.source}); its start is unknown", None
     start = start or rules.named(about.source_file)
     rate_hz = recipe.channels[TIME].rate_hz
-    if rows_before and rate_hz is not None:
-        later = {id(each.time_s): each.time_s + rows_before / rate_hz for each in signals.values()}
+    if above and rate_hz is not None:
+        later = {id(each.time_s): each.time_s + above / rate_hz for each in signals.values()}
         signals = {name: replace(each, time_s=later[id(each.time_s)]) for name, each in signals.items()}
     if screened:
         limits = sensor_limits(recipe.channels)
@@ -228,7 +223,7 @@ def pieces_of_tables(
         first, rows = rows, rows + len(part.channels)
         found: Sequence[Recording | RecordingError]
         try:
-            found = pieces_from([part], replace(recipe, time=rules), about, rows_before=first)
+            found = pieces_from([part], replace(recipe, time=rules), about, above=first)
         except RecordingError as error:
             found = [RecordingError(f"in the part of rows {first + 1} to {rows}, rows counted from there: {error}")]
         for each in found:

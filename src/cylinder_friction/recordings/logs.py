@@ -21,7 +21,7 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.result_folder import existing
 from cylinder_friction.files.whole_files import read_yaml
-from cylinder_friction.recordings.checks.limits import CheckLimits, CheckRules, LoadMode, StatedLoad
+from cylinder_friction.recordings.checks.limits import CheckLimits, CheckRules, Load, LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
 from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
@@ -167,9 +167,7 @@ class Recipe:
     database: Path | None = None  # DBC file of the bus, for files that contain CAN frames
 
     @classmethod
-    def from_settings(
-        cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode | StatedLoad
-    ) -> Recipe:
+    def from_settings(cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: Load) -> Recipe:
         """Make the recipe from an ingest configuration (``conf/ingest/*.yaml`` as nested dictionaries).
 
         ``settings`` contains ``channels``; other keys are optional. Recordings are checked against the cylinder's
@@ -229,7 +227,7 @@ def find_logs(
     cylinder: Cylinder,
     *,
     names: str | None = None,
-    load: LoadMode | StatedLoad | None = None,
+    load: Load | None = None,
     rate_hz: float | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
@@ -271,11 +269,7 @@ def find_logs(
 
 
 def _guessed(
-    paths: Sequence[Path],
-    cylinder: Cylinder,
-    units: Mapping[str, str],
-    database: Path | None,
-    load: LoadMode | StatedLoad | None,
+    paths: Sequence[Path], cylinder: Cylinder, units: Mapping[str, str], database: Path | None, load: Load | None
 ) -> tuple[GuessedMapping, list[LoggedTable]]:
     """Guess a mapping from the first log that can be read, and warn; also return its tables, unless it has parts."""
     for quantity, unit in units.items():
@@ -303,11 +297,7 @@ def _guessed(
 
 
 def _logs(
-    paths: Sequence[Path],
-    settings: Mapping[str, Any],
-    cylinder: Cylinder,
-    names: str | None,
-    load: LoadMode | StatedLoad | None,
+    paths: Sequence[Path], settings: Mapping[str, Any], cylinder: Cylinder, names: str | None, load: Load | None
 ) -> Logs:
     root = _root(paths, settings.get("source"))
     files = {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}

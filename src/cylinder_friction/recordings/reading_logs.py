@@ -12,7 +12,7 @@ from typing import Any
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.execution.workers import Workers
 from cylinder_friction.files.whole_files import whole_folder, write_json
-from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
+from cylinder_friction.recordings.checks.limits import Load
 from cylinder_friction.recordings.conversion import (
     Converted,
     LoggedFile,
@@ -39,7 +39,7 @@ def read_recordings(
     cylinder: Cylinder,
     *,
     names: str | None = None,
-    load: LoadMode | StatedLoad | None = None,
+    load: Load | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
     database: str | Path | None = None,

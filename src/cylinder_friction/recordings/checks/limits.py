@@ -36,6 +36,7 @@ class StatedLoad:
 
 LoadMode = Literal["none", "measured", "position"]
 """Load of the cylinder: none, measured as ``load_force_n``, or a function of position."""
+Load = LoadMode | StatedLoad
 
 
 @dataclass(frozen=True, kw_only=True)

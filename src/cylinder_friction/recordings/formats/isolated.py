@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
@@ -46,19 +46,18 @@ def _reader() -> ProcessPoolExecutor:
     return pool
 
 
-def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, more: Mapping[str, Any]) -> list[LoggedTable]:
-    """Read a file's tables; ``more`` contains the format's further arguments.
+def read_isolated(path: Path, of: Format, read: Callable[..., list[LoggedTable]]) -> list[LoggedTable]:
+    """Read a file's tables; ``read`` is the format's reader with all arguments but the source.
 
     In a daemon, which may not start processes, the file is read in the same process.
     """
     size, path = path.stat().st_size, path.absolute()  # the process stays in the folder where it was started
-    more = {name: value.absolute() if isinstance(value, Path) else value for name, value in more.items()}
     limit_s, limit_bytes = LIMIT_S + LIMIT_PER_BYTE_S * size, LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size
     if multiprocessing.current_process().daemon:
-        return _read(of.read, of.what, path, None, wanted, more)
+        return _read(read, of.what, path, None)
     with _LOCK:
         try:
-            return _reader().submit(_read, of.read, of.what, path, limit_bytes, wanted, more).result(limit_s)
+            return _reader().submit(_read, read, of.what, path, limit_bytes).result(limit_s)
         except BrokenProcessPool:
             what = f"crashed {of.crashes}"
         except TimeoutError:
@@ -93,17 +92,10 @@ def _begin() -> None:
     threading.Thread(target=end_with_parent, daemon=True).start()
 
 
-def _read(
-    read: Callable[..., list[LoggedTable]],
-    what: str,
-    path: Path,
-    limit_bytes: int | None,
-    wanted: Collection[str] | None,
-    more: Mapping[str, Any],
-) -> list[LoggedTable]:
+def _read(read: Callable[..., list[LoggedTable]], what: str, path: Path, limit_bytes: int | None) -> list[LoggedTable]:
     if sys.platform != "win32" and limit_bytes is not None:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
         resource.setrlimit(resource.RLIMIT_DATA, (limit_bytes, most))
     with guarded(what):
-        return read(open_source(path), wanted, **more)
+        return read(open_source(path))

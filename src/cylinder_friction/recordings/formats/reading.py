@@ -73,18 +73,18 @@ def read_logged_file(
     found.refuse_missing_library()
     if database is not None and "database" not in found.takes:
         raise RecordingError(f"database {database}: is for an MDF file of bus frames, not for {found.what}")
-    given = {"csv": csv, "rows": rows, "database": database}
-    more = {name: given[name] for name in found.takes}
+    given = {"csv": csv, "rows": rows, "database": database and database.absolute()}  # read elsewhere
+    read = partial(found.read, wanted=wanted, **{name: given[name] for name in found.takes})
     if not found.crashes:
         with guarded(found.what):
-            tables = found.read(source, wanted, **more)
+            tables = read(source)
     elif rows is not None and source.size > MOST_WHOLE:
         raise RecordingError(
             f"has {source.size / 1e9:.2g} GB, and {found.name} files are read whole, up to {MOST_WHOLE / 1e9:.2g} "
             "GB; export it as Parquet or CSV, which are read in parts, or split it"
         )
     else:
-        tables = read_isolated(path, found, wanted, more)
+        tables = read_isolated(path, found, read)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
     stated = wanted if isinstance(wanted, Mapping) else {}
