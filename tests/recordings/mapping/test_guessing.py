@@ -158,6 +158,7 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
         ({"t": 5 * np.arange(ROWS)}, "", {"channel": "t", "unit": "ms or another unit"}),
         ({"ticks": 5 * np.arange(ROWS)}, "", {"channel": "ticks", "unit": "ms or another unit"}),
         ({"elapsedMillis": 5 * np.arange(ROWS)}, "", {"channel": "elapsedMillis", "unit": "millis"}),
+        ({"Time": np.arange(ROWS) // 200, "ms": 5 * np.arange(ROWS) % 1000}, "s", {"channel": "Time", "unit": "s"}),
         ({"PC time": DATES, "t [ms]": 5 * np.arange(ROWS)}, "", {"channel": "t [ms]", "unit": "ms"}),
         ({"Time": TIME / 60.0}, "", {"channel": "Time", "unit": "s or min"}),
         ({"Time": TIME / 3600.0}, "", {"channel": "Time", "unit": "d or h"}),

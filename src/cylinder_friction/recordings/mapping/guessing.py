@@ -172,7 +172,7 @@ def time_score(channel: ChannelFacts, clock_given: bool) -> float:
     """Rate how well a channel fits time. A row counter is not time, nor is any channel that happens to rise.
 
     Without a name or unit of time, only the first channel of a table may be time, if it rises evenly. A channel that is
-    named time and steps by 1 is time if the unit of time is given.
+    named time and steps by 1 is time if the unit of time is given. A part of the second, which begins anew, is not.
     """
     named = channel.words.quantity == "time"
     coarse = COARSE if channel.step == 0.0 else 1.0
@@ -184,7 +184,7 @@ def time_score(channel: ChannelFacts, clock_given: bool) -> float:
     if channel.words.quantity not in (None, "time", "temperature") or counts_rows:
         return 0.0
     even = abs(channel.step - channel.mean_step) <= EVEN_SHARE * channel.mean_step
-    if not (named or channel.unit or (channel.leads and even)):
+    if not (named or (channel.unit and channel.mean_step > 0.5 * channel.step) or (channel.leads and even)):
         return 0.0
     return coarse * (1.0 + (1.0 if channel.bare else 4.0) * named + 2.0 * bool(channel.unit))
 
@@ -457,7 +457,7 @@ def _in_another_unit(column: str, facts: Sequence[ChannelFacts]) -> tuple[str, .
 
 
 def size_in_words(column: str, channel: ChannelFacts) -> str:
-    return f"steps of {channel.step:.4g}" if column == TIME else channel.described()
+    return f"steps of {channel.step or channel.mean_step:.4g}" if column == TIME else channel.described()
 
 
 def _meaning(column: str, channel: ChannelFacts, pair: Sequence[ChannelFacts]) -> str:
