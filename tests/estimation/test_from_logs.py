@@ -245,10 +245,8 @@ def test_results_state_their_origin(tmp_path: Path, cylinder: Cylinder) -> None:
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     unknown, known = summary["recordings"]
     assert (unknown["start"], unknown["start_source"]) == ("", "")
-    assert (known["start"], known["start_source"]) == (
-        "2026-03-27",
-        "header line 'Date: 2026-03-27', a date without a time of day",
-    )
+    source = "header line 'Date: 2026-03-27', a date without a time of day"
+    assert (known["start"], known["start_source"]) == ("2026-03-27", source)
     assert known["asset"] == "press 3"
     assert known["sensors"] == {"pressure_1_pa": {"serial": "4711", "calibrated": "2026-01-31"}}
     about = read_recording(tmp_path / "out/press_7.parquet").metadata

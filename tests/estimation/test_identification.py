@@ -111,8 +111,6 @@ def test_strokes_in_one_direction_give_no_model_but_the_reason(tmp_path: Path, c
 
 def test_a_load_in_friction_is_no_parameter(tmp_path: Path, cylinder: Cylinder) -> None:
     write_lugre_log(tmp_path / "r.csv", TRUTH, cylinder, [0.01, 0.05, 0.08] * 5, load_n=900.0)
-    with pytest.raises(
-        RecordingError,
-        match=r"r\.csv: friction_n holds a load, a sensor's zero or the loss of a line, of about \d{3} N",
-    ):
+    words = r"r\.csv: friction_n holds a load, a sensor's zero or the loss of a line, of about \d{3} N"
+    with pytest.raises(RecordingError, match=words):
         identify_logs(tmp_path / "r.csv", cylinder, tmp_path / "out", channels=CHANNELS)

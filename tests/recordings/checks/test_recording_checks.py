@@ -51,9 +51,8 @@ def test_a_rounded_pressure_is_not_stuck_if_its_steps_are_stated() -> None:
     table = good()
     table["pressure_1_pa"] = 1e5 * np.round(5.0 + 1.2 * np.sin(0.4 * table["time_s"]))
     (refused,) = [each for each in inspect(table) if each.outcome == "refused"]
-    assert refused.text.endswith(
-        "or its values are rounded: then state its range and bits as its sensor in the mapping"
-    )
+    words = "or its values are rounded: then state its range and bits as its sensor in the mapping"
+    assert refused.text.endswith(words)
     stated = replace(LIMITS, steps={"pressure_1_pa": 1e5})
     assert not any(each.outcome == "refused" for each in inspect(table, stated))
     jumps = table.assign(pressure_1_pa=np.where(table.index < 1000, 3e5, 8e5))

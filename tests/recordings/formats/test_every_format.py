@@ -119,11 +119,7 @@ BINARY = bytes(range(256)) * 4
         ("log.csv", b"\xd0\xcf\x11\xe0\xa1\xb1", "is an old Excel or Word file"),
         ("log.csv", b"|CF,2,1,1;|CK,1,3,1,1;\n", "is an imc FAMOS recording: export it as text .ASCII, CSV.; expected"),
         ("log.csv", b"TDSh\x0e\0\0\0", r"is the index of a TDMS file: take the \.tdms file itself"),
-        (
-            "log.asc",
-            b"date Sat Mar 14 08:15:00 2026\nbase hex\n",
-            "is a trace of CAN frames .ASC.: export its signals as",
-        ),
+        ("log.asc", b"date Sat Mar 14 08:15:00 2026\nbase hex\n", "is a trace of CAN frames .ASC.: export its signals"),
         ("log.csv", BINARY, r"neither text nor a known binary log: it begins with b'\\x00\\x01"),
         ("log.csv", b"\x1f\x8b\x08\0\0\0\0\0\0\0\xff\xff", "its gzip cannot be unpacked: .*; the file is damaged or c"),
         ("rec.svdx", BINARY, "neither text .*; export it so from its own program"),

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -121,14 +122,7 @@ def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending:
     done = run(text, tmp_path / "script.py", write_good(tmp_path / "log"), tmp_path / "noise")
     assert done.stderr == ""
     assert done.returncode == (-signal.SIGKILL if ending else 0)
-    for process in processes(int(done.stdout)):
-        process.wait(timeout=60.0)
-
-
-def processes(pid: int) -> list[psutil.Process]:
-    """Return the process of this number as long as it runs; one that ended but was not collected does not."""
-    try:
-        process = psutil.Process(pid)
-        return [] if process.status() == psutil.STATUS_ZOMBIE else [process]
-    except psutil.NoSuchProcess:
-        return []
+    with suppress(psutil.NoSuchProcess):
+        process = psutil.Process(int(done.stdout))
+        if process.status() != psutil.STATUS_ZOMBIE:  # one that ended but was not collected does not run
+            process.wait(timeout=60.0)

@@ -105,12 +105,7 @@ DAQ = (  # DAQExpress
 @pytest.mark.parametrize(
     ("header", "one", "other", "units"),
     [
-        (
-            "t [ms];P [bar];t [ms];x [mm]",
-            "t [ms];P [bar]",
-            "t [ms];x [mm]",
-            {"t [ms]": "ms", "P [bar]": "bar", "x [mm]": "mm"},
-        ),
+        ("t [s];P [bar];t [s];x [m]", "t [s];P [bar]", "t [s];x [m]", {"t [s]": "s", "P [bar]": "bar", "x [m]": "m"}),
         ("X_Value;p;X_Value;x;Comment", "X_Value;p", "X_Value;x", {}),
         ("Temps;Pression;Temps;Position", "Temps;Pression", "Temps;Position", {}),
         ("Nr;Time;p;Time;x", "Nr;Time;p", "Time;x", {}),
