@@ -110,7 +110,7 @@ WRONG = {
         ("usb", CHANNELS, None, r"usb: is an empty folder; expected logs in it"),
         ("half.csv", None, None, "half.csv: no mapping was given, and that of pressure_2_pa, position_m"),
         ("counted.csv", None, None, "time_s, .* cannot be guessed: 'row' steps by exactly 1, .*--unit time=200Hz"),
-        ("twice.csv", None, None, r"position_m may be 'x \[mm\]' or 'pos \[mm\]'; leave the right one in a mapping"),
+        ("twice.csv", None, None, r"position_m may be 'x \[mm\]' or 'pos \[mm\]'; write a mapping and give it"),
         *[
             ("log.csv", file, None, f"{file}: is no mapping of channels to columns with rules")
             for file in list(WRONG)[:3]
@@ -132,8 +132,7 @@ def test_what_is_missing_or_wrong_is_refused(
     half.to_csv(tmp_path / "half.csv", index=False)
     half.rename(columns={"t [s]": "row"}).to_csv(tmp_path / "counted.csv", index=False)
     shutil.copy(min(logs.glob("*.csv")), tmp_path / "log.csv")
-    log = pd.read_csv(tmp_path / "log.csv")
-    log.assign(**{"pos [mm]": log["x [mm]"]}).to_csv(tmp_path / "twice.csv", index=False)
+    half.assign(**{"p_B [bar]": 2.0, "x [mm]": 1.0, "pos [mm]": 2.0}).to_csv(tmp_path / "twice.csv", index=False)
     (tmp_path / "usb").mkdir()
     for name, mapping in WRONG.items():
         (tmp_path / name).write_text(yaml.safe_dump(mapping))

@@ -180,9 +180,8 @@ class ModelSearch:
         sample_time_s = recordings[0].sample_time_s
         positions = [recording.column("position_m") for recording in recordings]
         noise_m = max(map(sensor_noise, positions))
-        self.step_m = max(
-            quantisation_step(each) if noise_deviation(each) < quantisation_step(each) else 0.0 for each in positions
-        )
+        steps_m = ((quantisation_step(each), noise_deviation(each)) for each in positions)
+        self.step_m = max((step_m for step_m, noise_m in steps_m if noise_m < step_m), default=0.0)
         window = odd_window(STEADY_DURATION_S, sample_time_s)
         self.slowest_m_s = NOISE_MULTIPLE * slope_noise(window, noise_m, sample_time_s)
         smooth = slope(window, 0.0, 0.0)

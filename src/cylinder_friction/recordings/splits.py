@@ -27,13 +27,6 @@ def split_sessions(
     Raises:
         RecordingError: There is no recording, a name occurs twice, a session spans two conditions, a condition has too
             few sessions, or a session in ``held_out`` does not exist.
-
-    Example:
-        >>> from cylinder_friction.recordings.splits import split_sessions
-        >>> metadata = [recording.metadata for recording in recordings]
-        >>> roles = split_sessions(metadata, test_sessions=1, validation_sessions=1, seed=1)
-        >>> {role: len(names) for role, names in roles.items()}
-        {'train': 4, 'validation': 4, 'calibration': 0, 'test': 4}
     """
     if test_sessions < 1 or validation_sessions < 0 or calibration_sessions < 0:
         raise ValueError(

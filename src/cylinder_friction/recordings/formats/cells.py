@@ -448,8 +448,8 @@ def _known(stamps: NDArray[Any], step_s: int) -> bool:
 def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
     """Convert a table's numbers of days, seconds or ticks since a known date to dates, and note which.
 
-    Parts of a second complete whole seconds.
-    Numbers with another unit of time, ``stated`` by a mapping or by the file, stay numbers if they are credible in it.
+    Parts of a second complete whole seconds. Numbers with another unit of time, ``stated`` by a mapping or by the file,
+    stay numbers if they are credible in it.
     """
     dates: dict[str, NDArray[Any]] = {}
     notes, utc = [], table.utc

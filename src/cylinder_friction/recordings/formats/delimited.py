@@ -111,8 +111,7 @@ def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
     length = text.end - text.start
     for size, most in ((HEAD_SIZE, _USUAL_LINES), (_LARGEST_HEAD, None)):  # the lines above the rows may be many
         head = text.file.read_at(min(size, length), text.start)
-        lines: list[bytes] = head.splitlines(keepends=True)
-        lines = lines if len(head) == length else lines[:-1]
+        lines: list[bytes] = head.splitlines(keepends=True)[: None if len(head) == length else -1]
         with suppress(RecordingError):
             if len(lines) > _FEWEST_LINES or len(head) == length:
                 return lines, find_layout([line.decode() for line in lines[:most]], options)

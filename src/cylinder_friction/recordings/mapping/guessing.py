@@ -240,7 +240,7 @@ class GuessedColumn:
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
-    equals: tuple[ChannelFacts, ...] = ()  # Those of them that fit as well as the guess
+    names: tuple[str, ...] = ()  # Names of the guess and of those others that fit as well
     fitting: Sequence[str] | None = None  # Units that the values fit; None if the unit is stated or given
 
     @property
@@ -415,14 +415,9 @@ def _guessed(
     if channel is None:
         return GuessedColumn(column, None, checks=_in_another_unit(column, facts))
     own = next(score for other, score in ranked if other is channel)
-    others, equals = (
-        tuple(
-            other
-            for other, score in ranked
-            if id(other) not in used and score >= least and not (column == TIME and other.table != channel.table)
-        )
-        for least in (own - NEARLY, own)
-    )
+    free = [each for each in ranked if id(each[0]) not in used and (column != TIME or each[0].table == channel.table)]
+    others = tuple(other for other, score in free if score >= own - NEARLY)
+    names = (channel.name, *(other.name for other, score in free if score >= own))
     pair = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else []
     reasons, checks = [_meaning(column, channel, pair)], _meaning_checks(column, channel, pair)
     unit, fitting, given = channel.unit, None, units.get(QUANTITIES[column])
@@ -444,7 +439,7 @@ def _guessed(
     if column in SIDES and _ABSOLUTE.search(channel.name) and stated_reference(unit) is None and not electrical(unit):
         unit, reasons = f"{unit} abs", [*reasons, "name means absolute"]
     entry = {"channel": channel.name, "unit": unit}
-    return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, equals, fitting)
+    return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, names, fitting)
 
 
 def _in_another_unit(column: str, facts: Sequence[ChannelFacts]) -> tuple[str, ...]:
@@ -479,9 +474,7 @@ def _meaning_checks(column: str, channel: ChannelFacts, pair: Sequence[ChannelFa
     if column == DRIVE_FORCE:
         return ["no pressures were found, so the force stands in; it must be positive towards extension"]
     if column == POSITION and channel.low < -BELOW_ZERO * (channel.high - channel.low):
-        return [
-            "it falls below 0: write sign -1 if it counts down, and as offset what its sensor reads with the rod in"
-        ]
+        return ["it falls below 0: write sign -1 if it counts down, and as offset its reading with the rod in"]
     if column == LOAD_FORCE:
         return ["it must be positive when it resists extension"]
     return []

@@ -96,20 +96,17 @@ def quoted(text: str) -> str:
 def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
     """Refuse a guess with open columns or units, or ``units`` (by quantity) that the file contradicts."""
     unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
+    alike = [(name, guess.columns[name]) for name in SAMPLE_COLUMNS if name in guess.columns]
+    problems = [f"{name} may be {' or '.join(map(repr, each.names))}" for name, each in alike if len(each.names) > 1]
     if unknown:
         why = "".join([f": {check}" for checks in unknown.values() for check in checks][:1])
         why += f" ({ONE_CHAMBER})" if PRESSURE_2 in unknown and PRESSURE_1 not in unknown else ""
+        problems = [f"that of {', '.join(unknown)} cannot be guessed{why}"]
+    if problems:
         raise RecordingError(
-            f"no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; write a mapping and "
-            "give it by --channels, starting from channels:\n" + "\n".join(channel_lines(guess))
+            f"no mapping was given, and {problems[0]}; write a mapping and give it by --channels, starting from "
+            "channels:\n" + "\n".join(channel_lines(guess))
         )
-    for name in SAMPLE_COLUMNS:
-        if (each := guess.columns.get(name)) and each.channel and each.equals:
-            alike = " or ".join(repr(other.name) for other in (each.channel, *each.equals))
-            raise RecordingError(
-                f"no mapping was given, and {name} may be {alike}; leave the right one in a mapping and give it by "
-                "--channels, starting from channels:\n" + "\n".join(channel_lines(guess))
-            )
     doubtful: dict[str, list[GuessedColumn]] = {}
     for name, each in guess.columns.items():
         quantity, channel = QUANTITIES[name], each.channel

@@ -52,8 +52,7 @@ def align(
     The recordings contain no NaN and are not checked yet. ``time_s`` continues the logger's time, and restarts when the
     logger's clock did. ``start`` is when that clock was at 0 s, if it is known.
     """
-    unchanged_hz = _rate_of_unchanged(signals, rules)
-    if unchanged_hz is not None:
+    if (unchanged_hz := _rate_of_unchanged(signals, rules)) is not None:
         columns = {TIME: next(iter(signals.values())).time_s} | {name: each.values for name, each in signals.items()}
         return [_piece(columns, unchanged_hz, about, start)]
     timelines, repairs = find_timelines(signals, rules)
