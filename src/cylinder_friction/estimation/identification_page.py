@@ -99,7 +99,7 @@ def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
                 )
     if not figure.data:
         return None
-    seen_n = [abs(point.friction_n) for each in curves for point in each.points]
+    seen_n = [abs(own.friction_n) + (own.known_half_width_n or 0.0) for each in curves for own in each.points]
     speeds = [point.velocity_m_s for each in curves for point in each.points]
     figure.x_axis(title="speed [mm/s]", type="log", tickvals=speed_ticks(speeds))
     figure.y_axis(title="friction against the motion [N]", range=[0.0, HEADROOM * max(seen_n)])

@@ -162,7 +162,7 @@ DATES = pd.Timestamp("2026-03-14") + pd.to_timedelta(20 * ROWS, "ms")
     ("name", "stamps", "unit", "logged_hz"),
     [
         ("Time [s]", 0.01 * ROWS, "s", "100"),
-        ("Datum", DATES, "", "50"),
+        ("stamp.sec", DATES, "", "50"),
         *[("t", stamps, "", "") for stamps in (LOST, ROWS, 10 * ROWS, 50000 * ROWS + 10**15)],
     ],
 )

@@ -103,9 +103,10 @@ def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
 
 
 def clocks_of(table: LoggedTable, known: Collection[str]) -> list[ChannelFacts]:
-    """Find the channels of a table that are time by name, unit and values, besides those ``known`` to be time."""
-    named = (name for name in _unique_names(table) if words_of(name).quantity == "time" and name not in known)
-    facts = (_facts(0, table, name) for name in named)
+    """Find the channels of a table that are dates, or time by name and unit, besides those ``known`` to be time."""
+    others = [name for name in _unique_names(table) if name not in known]
+    timed = (name for name in others if table.channels[name].dtype.kind == "M" or words_of(name).quantity == "time")
+    facts = (_facts(0, table, name) for name in timed)
     return [fact for fact in facts if fact.rising and quantity_of(fact.unit) == ("time" if fact.unit else None)]
 
 
@@ -475,6 +476,4 @@ def _meaning_checks(column: str, channel: ChannelFacts, pair: Sequence[ChannelFa
         return ["no pressures were found, so the force stands in; it must be positive towards extension"]
     if column == POSITION and channel.low < -BELOW_ZERO * (channel.high - channel.low):
         return ["it falls below 0: write sign -1 if it counts down, and as offset its reading with the rod in"]
-    if column == LOAD_FORCE:
-        return ["it must be positive when it resists extension"]
-    return []
+    return ["it must be positive when it resists extension"] if column == LOAD_FORCE else []
