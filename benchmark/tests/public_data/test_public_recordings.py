@@ -95,7 +95,7 @@ def test_the_crane_s_offset_is_stated_as_inseparable_from_its_load(public: Any, 
     run = crane["JibSineTest"]
     words = import_module("public_recordings").crane_offset
     assert run.stated_zero_n is None
-    assert words(run).startswith("sensor offset: inseparable from the load, both together known to ± 1120 N (k = 2)")
+    assert words(run).startswith("sensor offset: inseparable from the load, both together known to ± 1124 N (k = 2)")
     assert words(run).endswith(
         "the file states no accuracy: 1767 N for each bar that the zero of the piston side may be "
         "off, 982 N of the rod side"
