@@ -214,6 +214,11 @@ def waiting(result: Recording | Path) -> Recording:
     return read_recording(result) if isinstance(result, Path) else result
 
 
+def discard(result: Recording | Path) -> None:
+    if isinstance(result, Path):  # it waits on disk
+        result.unlink()
+
+
 def refused_piece(about: RecordingMetadata, reason: str | LostPiece) -> Quarantined:
     return Quarantined(about.source_file, reason.reason if isinstance(reason, LostPiece) else reason, about.name)
 
@@ -343,6 +348,5 @@ class LabelledLogs:
             lost = [refused_piece(each.metadata, found) for each in own] if isinstance(found, LostPiece) else found
             outcomes |= zip((each.metadata.name for each in own), lost, strict=True)
             for each in own:
-                if isinstance(each.result, Path):
-                    each.result.unlink()
+                discard(each.result)
         return (outcomes[each.metadata.name] for each in read)

@@ -25,6 +25,7 @@ from cylinder_friction.estimation.friction_of_logs import (
     LabelledLogs,
     LabelledRecording,
     RecordingFriction,
+    discard,
     loaded_once,
     refused_piece,
     waiting,
@@ -177,17 +178,15 @@ def _write_results(run: LabelledLogs, labelled: Sequence[LabelledRecording], wri
     of_file = Counter(each.metadata.source_file for each in labelled)
     work = []
     for each in labelled:
-        about = each.metadata
-        offset = run.offsets.get(about.session)
-        work.append(partial(writer.written, each, offset, run.loss, of_file[about.source_file]))
+        offset, count = run.offsets.get(each.metadata.session), of_file[each.metadata.source_file]
+        work.append(partial(writer.written, each, offset, run.loss, count))
     results = []
     for each, result in zip(labelled, run.workers.in_order(work), strict=True):
         if isinstance(result, LostPiece):
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
-        if isinstance(each.result, Path):
-            each.result.unlink()
+        discard(each.result)
     return results
 
 

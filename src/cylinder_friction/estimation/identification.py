@@ -282,12 +282,12 @@ class ModelSearch:
         found = replace(found, intervals=intervals)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
         unseen = UNSEEN.format(" or ".join(sorted(conditions))) if all(each.slow for each in curves) else ""
-        why_not = dict.fromkeys(SLOW_PARAMETERS, unseen) | (dict.fromkeys(BENT_BY_A_LOSS, loss) if loss else {})
+        why_not = dict.fromkeys(SLOW_PARAMETERS, unseen) | dict.fromkeys(BENT_BY_A_LOSS, loss)
         bent_m = found.parameters.value("coulomb_n") / found.parameters.value("bristle_stiffness_n_m")
-        why_not |= {"bristle_stiffness_n_m": COARSE.format(bent_m, self.step_m)} if bent_m < self.step_m else {}
+        why_not["bristle_stiffness_n_m"] = COARSE.format(bent_m, self.step_m) if bent_m < self.step_m else ""
         lower, upper = intervals["viscous_n_s_m"]
         if upper > WIDEST * lower and lines_uncertain_n(recordings[0], self.run.cylinder, np.ones(1)).any():
-            why_not.setdefault("viscous_n_s_m", UNSEPARATED_FROM_LINES)
+            why_not["viscous_n_s_m"] = loss or UNSEPARATED_FROM_LINES
         parameters = determined(model, found, zeros, why_not)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import repeat
 
 import numpy as np
 import pandas as pd
@@ -96,9 +95,8 @@ def steady_intervals(
     if set(PRESSURES) <= blocks.columns.keys():
         leaving_bar = [1e-5 * blocks.columns[name] for name in reversed(PRESSURES)]
         known += [way * (bar - (not at_zero) * bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
-    velocities_m_s = [each.columns["velocity_m_s"] for each in parts]
-    each_n = map(lines_uncertain_n, recordings, repeat(cylinder), velocities_m_s)
-    lines_n = np.concatenate(list(each_n))
+    pairs = zip(recordings, parts, strict=True)
+    lines_n = np.concatenate([lines_uncertain_n(each, cylinder, own.columns["velocity_m_s"]) for each, own in pairs])
     strokes, fits = np.unique(blocks.stroke, return_inverse=True)[1].astype(np.int64), []
     for stribeck_m_s in (NO_FALL_M_S, *STRIBECK_SPEEDS_M_S):
         design = np.column_stack([*known, np.exp(-speed / stribeck_m_s)])
