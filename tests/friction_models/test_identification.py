@@ -22,34 +22,37 @@ def with_dead_band(velocity_m_s: np.ndarray, dead_band_m_s: float) -> np.ndarray
     return np.where(np.abs(velocity_m_s) < dead_band_m_s, 0.0, velocity_m_s)
 
 
-def synthetic_recording(truth: LugreParameters, seed: int, seconds: float = 30.0, noise_n: float = 10.0) -> Recording:
+def synthetic_recording(
+    truth: LugreParameters, seed: int, seconds: float = 30.0, noise_n: float = 10.0, fine: int = FINE
+) -> Recording:
     """Return strokes at log-spaced speeds both ways, with pauses; friction simulated at 4 kHz, label with noise."""
     generator = np.random.default_rng(seed)
-    rows = round(seconds / SAMPLE_TIME_S)
+    sample_time_s = fine * SAMPLE_TIME_S / FINE
+    rows = round(seconds / sample_time_s)
     targets: list[float] = []
-    while len(targets) < rows * FINE:
+    while len(targets) < rows * fine:
         speed = float(np.exp(generator.uniform(np.log(1e-3), np.log(0.12)))) * (-1.0) ** int(generator.integers(2))
         held, paused = (int(length * 4000) for length in (generator.uniform(0.4, 1.0), generator.uniform(0.0, 0.3)))
         targets += [speed] * held + [0.0] * paused
     width = 400  # 0.1 s from one speed to the next
-    smooth = np.convolve(targets[: rows * FINE], np.hanning(width) / np.hanning(width).sum(), mode="same")
-    time_s = SAMPLE_TIME_S * np.arange(rows)
+    smooth = np.convolve(targets[: rows * fine], np.hanning(width) / np.hanning(width).sum(), mode="same")
+    time_s = sample_time_s * np.arange(rows)
     pressure_2 = 1e6 + 5e5 * np.sin(0.7 * time_s + seed)
     pressure_1 = 5e5 + 4e5 * np.sin(1.3 * time_s)
-    fine_pressure = np.repeat(pressure_1 + pressure_2, FINE)
-    friction = simulate(truth, smooth, SAMPLE_TIME_S / FINE, new_bristle(), fine_pressure)[FINE - 1 :: FINE]
+    fine_pressure = np.repeat(pressure_1 + pressure_2, fine)
+    friction = simulate(truth, smooth, sample_time_s / fine, new_bristle(), fine_pressure)[fine - 1 :: fine]
     table = pd.DataFrame(
         {
             "time_s": time_s,
             "pressure_1_pa": pressure_1,
             "pressure_2_pa": pressure_2,
-            "position_m": 0.125 + np.cumsum(smooth)[FINE - 1 :: FINE] * SAMPLE_TIME_S / FINE,
-            "velocity_m_s": smooth[FINE - 1 :: FINE],
+            "position_m": 0.125 + np.cumsum(smooth)[fine - 1 :: fine] * sample_time_s / fine,
+            "velocity_m_s": smooth[fine - 1 :: fine],
             "friction_n": friction + generator.normal(0.0, noise_n, rows),
             "usable": time_s > 0.5,
         }
     )
-    return Recording(RecordingMetadata(f"r{seed}", "1", f"s{seed}", SAMPLE_TIME_S), table)
+    return Recording(RecordingMetadata(f"r{seed}", "1", f"s{seed}", sample_time_s), table)
 
 
 def identified(
@@ -111,6 +114,25 @@ def test_the_pressure_slope_comes_back(cylinder: Cylinder) -> None:
     assert found.parameters.pressure_slope_n_pa == pytest.approx(4e-5, rel=0.1)
     assert found.parameters.coulomb_n == pytest.approx(240.0, rel=0.05)
     assert "pressure_slope_n_pa" in found.intervals
+
+
+def test_fast_recordings_are_searched_at_a_step_of_5_ms(cylinder: Cylinder, monkeypatch: pytest.MonkeyPatch) -> None:
+    truth, steps_s = lugre_to_find(cylinder.moving_mass_kg), list[float]()
+    fast = [synthetic_recording(truth, seed, fine=4) for seed in range(2)]
+    error_of = Motions.error_of
+
+    def counted(self: Motions, values: np.ndarray) -> float:
+        steps_s.append(self.sample_time_s)
+        return error_of(self, values)
+
+    monkeypatch.setattr(Motions, "error_of", counted)
+    found = identified(fast, cylinder.moving_mass_kg, False, SearchEffort(1, 4, 4, 2))
+    assert {fast[0].sample_time_s, *steps_s} == {0.001, 0.005}
+    assert steps_s.count(0.001) == 1
+    assert found.parameters.value("coulomb_n") == pytest.approx(truth.coulomb_n, rel=0.02)
+    assert found.parameters.value("viscous_n_s_m") == pytest.approx(truth.viscous_n_s_m, rel=0.03)
+    assert found.parameters.value("bristle_stiffness_n_m") == pytest.approx(truth.bristle_stiffness_n_m, rel=0.5)
+    assert found.error_n < 1.25 * 10.0 * np.sqrt(2.0 / np.pi)
 
 
 @pytest.mark.extended

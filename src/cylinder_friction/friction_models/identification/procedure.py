@@ -26,6 +26,9 @@ decides which minimum is lower."""
 _GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 
 ALIKE_EVALUATIONS = 400
+SEARCH_STEP_S = 0.005
+"""Step of the simulations that a search makes of recordings with a shorter sample time [s]. The velocities that drive
+the model are slopes over several times as long."""
 PIECE_LEAD_S = 0.5
 """Time at the start of a piece that the error ignores, because the model begins the piece in a fresh state [s]."""
 
@@ -112,60 +115,52 @@ def identify(
             f"{model.name}: expected {'a' if model.pressure_scaled else 'no'} pressure to scale dry friction, "
             f"but got {pressure!r}"
         )
+    time_s = recordings[0].sample_time_s
+    thinner = max(1, int(SEARCH_STEP_S / time_s + 1e-6))
     points = steady_points(recordings, dead_band_m_s)
     curve = curve_through(points)
     stiffness = bristle_stiffness(recordings, curve.coulomb_n, dead_band_m_s)
 
-    def motions_of(chosen: Sequence[Recording], name: str, piece_s: float = 0.0) -> Motions:
-        motions = [_motion(recording, velocities[name], pressure) for recording in chosen]
-        return Motions.of(_pieces(motions, piece_s, time_s), time_s, model)
+    def motions_of(chosen: Sequence[Recording], name: str, piece_s: float = 0.0, every: int = thinner) -> Motions:
+        motions = [_motion(recording, velocities[name], pressure, every) for recording in chosen]
+        return Motions.of(_pieces(motions, piece_s, every * time_s), every * time_s, model)
 
-    time_s = recordings[0].sample_time_s
     few = _spread(recordings, effort.simulated_recordings)
     offered = {name: motions_of(few, name, effort.piece_s) for name in velocities}
     reference = next(iter(offered.values())).reference_pressure_pa if pressure is not None else 0.0
     coordinates = Coordinates.around(model, curve, mass_kg, damping_ratio, reference)
     starts = [coordinates.start(curve, factor * stiffness) for factor in STIFFNESS_FACTORS]
     chosen, looks = _first_looks(offered, coordinates, starts, effort.first_look_evaluations)
-    everything = motions_of(recordings, chosen)
-    polished = motions_of(recordings, chosen, effort.polished_piece_s) if effort.polished_piece_s else everything
+    polished = motions_of(recordings, chosen, effort.polished_piece_s)
     point, history = _search(offered[chosen], polished, coordinates, looks, effort)
     parameters = coordinates.parameters(point)
     names = tuple(spec.name for spec in model.searched)
+    everything = motions_of(recordings, chosen, every=1)
     intervals = confidence_intervals(everything, parameters, names, confidence, offset_n)
-    error_n = everything.error_of(parameters.packed())
+    error_n, level_n = everything.error_of(parameters.packed()), everything.mean_friction_n
+    as_searched_n = motions_of(recordings, chosen).error_of(parameters.packed())
     others = () if alike is None else tqdm(velocities, f"intervals {model.title}", unit="velocity", disable=None)
     for name in others:
         motions = motions_of(recordings, name)
         end = search_locally(motions, coordinates, point, ALIKE_EVALUATIONS)
-        if motions.error_of(coordinates.values(end)) <= error_n + (alike or 0.0) * everything.mean_friction_n:
+        if motions.error_of(coordinates.values(end)) <= as_searched_n + (alike or 0.0) * level_n:
             other = coordinates.parameters(end)
             for key, (lower, upper) in intervals.items():
                 intervals[key] = min(lower, other.value(key)), max(upper, other.value(key))
-    return Identification(
-        parameters=parameters,
-        velocity=chosen,
-        intervals=intervals,
-        points=tuple(points),
-        curve=curve,
-        error_n=error_n,
-        mean_friction_n=everything.mean_friction_n,
-        history=tuple(history),
-    )
+    return Identification(parameters, chosen, intervals, tuple(points), curve, error_n, level_n, tuple(history))
 
 
 def _first_looks(
     offered: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
 ) -> tuple[str, list[Array]]:
     """Search briefly from each start; return the velocity with the least error and the points found with it."""
+    shown = tqdm(offered.items(), f"velocities {coordinates.model.title}", unit="velocity", disable=None)
     looks = {
-        name: [search_locally(motions, coordinates, start, evaluations) for start in starts]
-        for name, motions in offered.items()
+        name: [search_locally(motions, coordinates, start, evaluations) for start in starts] for name, motions in shown
     }
-    costs = {
-        name: min(offered[name].error_of(coordinates.values(point)) for point in ends) for name, ends in looks.items()
-    }
-    chosen = min(costs, key=lambda name: costs[name])
+    chosen = min(
+        looks, key=lambda name: min(offered[name].error_of(coordinates.values(point)) for point in looks[name])
+    )
     return chosen, looks[chosen]
 
 
@@ -178,7 +173,8 @@ def _search(
         found, history = search_globally(
             few, coordinates, first, effort.seed, effort.population, effort.generations, progress.update
         )
-    ends = [search_locally(polished, coordinates, each, effort.polish_evaluations) for each in (*looks, found)]
+    shown = tqdm((*looks, found), f"refine {words}", unit="search", disable=None)
+    ends = [search_locally(polished, coordinates, each, effort.polish_evaluations) for each in shown]
     best = min(ends, key=lambda point: polished.error_of(coordinates.values(point)))
     for _ in range(effort.repolishes):
         best = search_locally(polished, coordinates, best, effort.polish_evaluations)
@@ -186,14 +182,16 @@ def _search(
 
 
 def _motion(
-    recording: Recording, velocity: Callable[[Recording], Array], pressure: Callable[[Recording], Array] | None
+    recording: Recording,
+    velocity: Callable[[Recording], Array],
+    pressure: Callable[[Recording], Array] | None,
+    rows: int,
 ) -> Motion:
-    return Motion(
-        velocity_m_s=velocity(recording),
-        pressure_pa=np.zeros(len(recording)) if pressure is None else pressure(recording),
-        friction_n=recording.column("friction_n"),
-        usable=recording.usable(),
-    )
+    """Join this many rows to one, with the mean velocity and pressure, and the label at the end."""
+    whole, ends = len(recording) // rows * rows, slice(rows - 1, None, rows)
+    pressure_pa = np.zeros(len(recording)) if pressure is None else pressure(recording)
+    means = [each[:whole].reshape(-1, rows).mean(axis=1) for each in (velocity(recording), pressure_pa)]
+    return Motion(means[0], means[1], recording.column("friction_n")[ends], recording.usable()[ends])
 
 
 def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> list[Motion]:
