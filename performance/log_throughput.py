@@ -6,11 +6,12 @@
 One file, 200 files of 12,000 rows, 600 and 1,000 of 2,400, and one large one at two sizes, made of the rig's
 recordings, as CSV.
 The script (``PEER``) reads each with pandas, smooths with SciPy, computes the force balance and its medians, and writes
-Parquet and a summary; it draws nothing. Every run is a process of its own, on one core but for the sides named
-`cores`: rows per second are rows over its seconds of CPU, imports included; memory is its peak. Ratios are those of CPU
-time, time on the clock and memory to the script. Of many files it prints the clock on all cores over the CPU time, the
-time of a second run with nothing new and of one with ten new files, and the size of the page; before all, that of
-`--help` beside the import of NumPy.
+Parquet and a summary; it draws nothing. The sides named `bare` are ``estimate`` without checks, bounds, offsets, levels
+and figures (``BARE``): the least that it could take. Every run is a process of its own, on one core but for the sides
+named `cores`: rows per second are rows over its seconds of CPU, imports included; memory is its peak. Ratios are those
+of CPU time, time on the clock and memory to the script. Of many files it prints the clock on all cores over the CPU
+time, the time of a second run with nothing new and of one with ten new files, and the size of the page; before all,
+that of `--help` beside the import of NumPy.
 The two large files show whether memory grows with the file; the larger one's time and memory are extrapolated to ten
 times its size. Large files are removed at the end; needs a finished `dvc repro`, or `--no-model` and the rig's logs.
 """
@@ -74,6 +75,26 @@ for path in sorted(logs.glob("*.csv")):
 (out / "summary.json").write_text(json.dumps(summary, default=float))
 """
 """What ``estimate`` is compared with: friction of each file, without checks, bounds, offsets, figures or repairs."""
+BARE = """
+import sys
+from cylinder_friction.commands.cli import main
+from cylinder_friction.estimation import friction_of_logs, from_logs
+from cylinder_friction.labelling import label
+from cylinder_friction.recordings import conversion
+from cylinder_friction.recordings.checks import recording_checks
+
+recording_checks.inspect_recording = lambda *_: iter(())
+conversion.screen_signals = lambda signals, *_: (dict(signals), ())
+label.smoothing_deviation = label.inertia_deviation = lambda *_: 0.0
+label.label_uncertainty = friction_of_logs.offset_evidence = lambda *_: None
+friction_of_logs.friction_levels = lambda _: ()
+friction_of_logs.RecordingFriction.finished = lambda _, recording, *__: (
+    recording.with_columns(**{"lower_n": recording.column("friction_n"), **recording.columns})
+)
+from_logs.friction_pane = lambda *_: "nothing"
+sys.exit(main())
+"""
+"""``estimate`` with all that the script does not do replaced by nothing: what is left is its least cost."""
 NEW_FILES = 10
 FLAT = 1.05
 """Memory is flat if it grows by no more than this from a quarter of the file to the whole."""
@@ -120,8 +141,11 @@ def main() -> int:
             script = peaks[case, "script"] = cost("script", folder, work / "out", arguments.model)
             sys.stdout.write(line(case, rows, size_mb, "script", script, script))
             many = case in MANY
-            sides = ["label", *(["label, cores"] if many else [])]
-            sides += [] if arguments.no_model else ["model", *(["model, cores"] if many else [])]
+            sides = [
+                f"{side}{of}"
+                for side in ("label", *([] if arguments.no_model else ["model"]))
+                for of in ("", *([", bare", ", cores"] if many else []))
+            ]
             for side in sides:
                 shutil.rmtree(work / "out", ignore_errors=True)
                 peaks[case, side] = cost(side, folder, work / "out", arguments.model)
@@ -206,7 +230,8 @@ def cost(side: str, folder: Path, out: Path, model: Path) -> Cost:
     given = ["--channels", "conf/ingest/rig.yaml", "--names", NAMES, "--output", str(out)]
     given += ["--model", str(model)] if side.startswith("model") else []
     given += [] if side.endswith("cores") else ["--workers", "1"]
-    used = timed([*CLI, "estimate", str(folder), *given], 1)  # 1: a recording holds what the model does not know
+    command = [sys.executable, "-c", BARE] if side.endswith("bare") else CLI
+    used = timed([*command, "estimate", str(folder), *given], 1)  # 1: a recording holds what the model does not know
     if not (out / "friction.html").is_file():
         raise RuntimeError(f"{side} over {folder} wrote no page")
     return used
