@@ -78,12 +78,13 @@ def test_a_parameter_with_a_wide_interval_has_no_number_and_its_damping_neither(
 
 
 def test_the_reason_names_what_is_missing() -> None:
-    at_limits = identified(False, bristle_stiffness_n_m=9.7e7, retract_ratio=0.41)
+    at_limits = identified(False, bristle_stiffness_n_m=9.7e7, retract_ratio=0.41, stribeck_exponent=0.54)
     notes = {each.name: each.note.removeprefix("its interval ends at a limit of ") for each in at_limits.parameters}
     assert notes["bristle_stiffness_n_m"] == "the search, 100000 to 100000000 N/m"
-    assert notes["retract_ratio"] == "the search, 0.4 to 2.5"
+    assert (notes["retract_ratio"], notes["stribeck_exponent"]) == ("the search, 0.4 to 2.5", "the search, 0.5 to 3")
+    notes = {each.name: each.note for each in identified(False, stribeck_velocity_m_s=0.097).parameters}
+    assert "shape of a fall of friction over the speed stribeck_velocity_m_s, which is" in notes["stribeck_exponent"]
     unknown = identified(True, zeros=Zeros(math.inf, "zeros are not stated"), unseen="not seen")
     notes = {each.name: each.note for each in unknown.parameters}
     assert {notes[name] for name in ("coulomb_n", "retract_ratio", "pressure_slope_n_pa")} == {"zeros are not stated"}
-    assert notes["static_n"] == notes["stribeck_exponent"] == "not seen"
-    assert notes["viscous_n_s_m"] == ""
+    assert (notes["static_n"], notes["stribeck_exponent"], notes["viscous_n_s_m"]) == ("not seen", "not seen", "")

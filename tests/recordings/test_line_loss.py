@@ -29,7 +29,7 @@ def test_a_hose_loses_as_hagen_poiseuille_and_blasius_state() -> None:
 
 
 def test_mapping_states_it_and_metadata_keep_it() -> None:
-    stated = {"range": [0, 250], "unit": "bar", "line_loss": {"bar": 3.0, "speed_m_s": 0.25}}
+    stated = {"line_loss": {"bar": 3.0, "speed_m_s": 0.25}}
     assert SensorScale.from_dict(stated).line_loss == LineLoss(3.0, 0.25)
     metadata = RecordingMetadata("a", "1", "s", 0.01, line_loss={"pressure_1_pa": LineLoss(3.0, 0.25)})
     assert RecordingMetadata.from_dict(metadata.to_dict()) == metadata

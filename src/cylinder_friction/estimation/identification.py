@@ -138,8 +138,8 @@ def identify_logs(
     logs = find_logs(files, channels, cylinder, sensor_class=sensor_class, **given)
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", logs.inputs).written() as folder:
         run = LabelledLogs(logs, logged_files(logs, ROWS_AT_ONCE), folder / ".scratch", None)
-        shown = tqdm(run.recordings(MOST_ROWS), "read and label", len(logs.files), unit="recording", disable=None)
-        labelled = list(shown)
+        read = run.recordings(MOST_ROWS)
+        labelled = list(tqdm(read, "read and label", len(logs.files), unit="recording", disable=None))
         shutil.rmtree(run.scratch, ignore_errors=True)
         loads = [(each, load_left(run.friction.entry(each, load))) for each, load in labelled]
         others = {each.name: Quarantined(each.metadata.source_file, words, each.name) for each, words in loads if words}

@@ -148,10 +148,8 @@ def _error_table(simulated: Sequence[tuple[Recording, Mapping[str, Array]]], tit
 def _over_time(recording: Recording, simulated: Mapping[str, Array]) -> PageFigure:
     gaps = np.where(recording.usable(), 0.0, np.nan)
     friction = [Line("label, off line", recording.column("friction_n") + gaps, GREEN, 1.5)]
-    friction += [
-        Line(title, values + gaps, colour, 1.0)
-        for (title, values), colour in zip(simulated.items(), COLOURS, strict=False)
-    ]
+    coloured = zip(simulated.items(), COLOURS, strict=False)
+    friction += [Line(title, values + gaps, colour, 1.0) for (title, values), colour in coloured]
     velocity = Line("velocity", MM_PER_M * recording.column("velocity_m_s"), BLUE, in_legend=False)
     panels = [Panel("friction [N]", friction, 1.6), Panel("velocity [mm/s]", [velocity])]
     return over_time(recording.column("time_s"), panels)

@@ -76,11 +76,11 @@ UNSEPARATED = (
     "strokes do not tell it from dry friction, which changes with speed, pressure and place; record more strokes at "
     "constant speed, slow ones and fast ones, and other loads"
 )
+SHAPELESS = "it is the shape of a fall of friction over the speed stribeck_velocity_m_s, which is not determined"
 SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a shift of all friction changes: it adds while extending and subtracts while retracting."""
 LEAST_SPEEDS = 5
 """Least number of speeds of steady sliding in one direction: a direction's Stribeck curve has five parameters."""
-_AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
 """Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""
 DAMPING_RATIO = 0.5
@@ -274,6 +274,8 @@ def determined(
     ``unknown`` has reasons by parameter; an empty one does not count.
     """
     why_not = {spec.name: unknown.get(spec.name) or _unknown(spec, found, zeros) for spec in model.searched}
+    if why_not["stribeck_velocity_m_s"] and not why_not["stribeck_exponent"]:
+        why_not["stribeck_exponent"] = SHAPELESS
     parameters = []
     for spec in model.specs:
         if spec.relative_to == "pressure" and not model.pressure_scaled:
@@ -303,17 +305,14 @@ def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
 
 
 def _unknown(spec: ParameterSpec, found: Identification, zeros: Zeros) -> str:
-    (lower, upper), value = found.intervals[spec.name], found.parameters.value(spec.name)
+    lower, upper = found.intervals[spec.name]
     shifted = spec.name in SHIFTED_BY_ZEROS
     if upper > WIDEST * lower or (shifted and math.isinf(zeros.half_n)):
         wide = f"its interval spans more than a factor of {WIDEST:g}"
         return UNSEPARATED if spec.name == "viscous_n_s_m" else (zeros.why_not if shifted else "") or wide
     if spec.relative_to != "" or spec.may_be_zero:
         return ""
-    margin = _AT_THE_EDGE * math.log(spec.upper / spec.lower)
-    at_limit = min(math.log(spec.upper / value), math.log(value / spec.lower)) < margin
-    if spec.logarithmic:
-        at_limit |= upper >= (1.0 - _AT_THE_LIMIT) * spec.upper or lower <= (1.0 + _AT_THE_LIMIT) * spec.lower
+    at_limit = upper >= (1.0 - _AT_THE_LIMIT) * spec.upper or lower <= (1.0 + _AT_THE_LIMIT) * spec.lower
     limits = f"{four_digits(spec.lower)} to {with_unit(four_digits(spec.upper), spec.unit)}"
     return f"its interval ends at a limit of the search, {limits}" if at_limit else ""
 

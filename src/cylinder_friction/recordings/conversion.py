@@ -145,8 +145,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[Log
 
 def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
     """Add to the names of a file what else its recordings share; each has its own sample time and start."""
-    stated = recipe.limits.stated_load
-    cylinder = recipe.limits.cylinder
+    stated, cylinder = recipe.limits.stated_load, recipe.limits.cylinder
     areas_m2 = dict(zip(PRESSURES, (cylinder.piston_area_m2, cylinder.annulus_area_m2), strict=True))
     sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
     load = {} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)}
@@ -160,9 +159,7 @@ def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe:
         asset=named.asset or recipe.asset,
         sensors={column: sensor.identity for column, sensor in sensors.items() if sensor.identity},
         line_loss={
-            column: replace(sensor.line_loss, area_m2=areas_m2[column])
-            for column, sensor in sensors.items()
-            if sensor.line_loss is not None
+            name: replace(loss, area_m2=areas_m2[name]) for name, own in sensors.items() if (loss := own.line_loss)
         },
     )
 

@@ -175,7 +175,10 @@ class Recipe:
         """
         kinds: dict[str, Any] = {"csv": CsvOptions, "time": TimeRules, "start": StartRules, "checks": CheckRules}
         given_rules = {name: settings.get(name, {}) for name in kinds}
-        for given, known in ((settings, KEYS), *((given_rules[name], vars(own())) for name, own in kinds.items())):
+        known_keys = [(settings, KEYS), *((given_rules[name], vars(own())) for name, own in kinds.items())]
+        for each in (own for own in settings["channels"].values() if isinstance(own, Mapping)):
+            known_keys += [(each, vars(ChannelMapping("a"))), (each.get("sensor") or {}, vars(SensorScale()))]
+        for given, known in known_keys:
             if unknown := sorted(given.keys() - known):
                 raise RecordingError(f"mapping: key {unknown[0]!r} is not known; expected some of {', '.join(known)}")
         channels = {
@@ -212,9 +215,10 @@ class Logs:
             raise RecordingError(f"sensor class: got {percent:g}, expected a number above 0, at most 100 (% of range)")
         channels, assumed = dict(self.recipe.channels), list[str]()
         for column in PRESSURES:
-            if column not in channels or ((sensor := channels[column].sensor) and sensor.accuracy_percent is not None):
+            sensor = channels[column].sensor or SensorScale() if column in channels else None
+            if sensor is None or sensor.accuracy_percent is not None:
                 continue
-            sensor = sensor or SensorScale((0.0, FULL_SCALE_BAR), "bar")
+            sensor = sensor if sensor.unit else replace(sensor, range=(0.0, FULL_SCALE_BAR), unit="bar")
             channels[column] = replace(channels[column], sensor=replace(sensor, accuracy_percent=percent))
             assumed.append(f"{column} ± {percent:g} % of {sensor.full_scale:g} {sensor.unit}")
         words = f"assumed, not stated: {', '.join(assumed)}" if assumed else ""

@@ -163,8 +163,7 @@ def _written(file: LoggedFile, folder: Path) -> list[Converted | Quarantined]:
     """Write the recordings of a file into a folder; replace each by its path and number of rows."""
 
     def written(each: Converted) -> Converted:
-        path = write_recording(folder, each.result, uuid.uuid4().hex)
-        return replace(each, result=(path, len(each.result)))
+        return replace(each, result=(write_recording(folder, each.result, uuid.uuid4().hex), len(each.result)))
 
     return [each if isinstance(each, Quarantined) else written(each) for each in converted(file)]
 
@@ -175,6 +174,5 @@ def _not_read(source: Path, pattern: str, matching: list[Path]) -> list[str]:
     left_out = sorted(beside - set(matching))
     if not left_out:
         return []
-    first = left_out[0].relative_to(source).as_posix()
-    files = counted(len(left_out), "file")
+    files, first = counted(len(left_out), "file"), left_out[0].relative_to(source).as_posix()
     return [f"{files} not read, for {pattern!r} does not match (first: {first}); see ingest.pattern"]

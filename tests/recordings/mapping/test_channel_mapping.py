@@ -59,6 +59,7 @@ SIGNAL = "is a sensor's signal and means nothing without its range; state the se
         ("pressure_1_pa", {"unit": "mPa"}, "unit 'mPa' is millipascal; write MPa for megapascal"),
         ("oil_temperature_c", {"unit": "delta_degC"}, "is not known; expected one of °C, K, °F"),
         ("position_m", {"unit": ""}, "'position_m': unit '' is not known"),
+        ("position_m", {"sensor": {"bits": 12}}, "sensor: expected range and unit, such as .* but got {'bits': 12}"),
         ("position_m", {"channel": ""}, "expected the logger's name of the channel, but got ''"),
         ("position_m", {"channel": "", "rate_hz": 200.0}, "'position_m': rate_hz is for 'time_s' alone"),
         ("position_m", {"offset": float("nan")}, "offset: expected a finite number"),

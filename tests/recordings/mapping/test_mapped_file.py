@@ -71,7 +71,7 @@ def test_a_sensor_of_a_stated_delay_is_moved_and_the_others_are_not(delay_s: flo
     """The load cell shows a sine late; what is logged beside it stays as it was, sample by sample."""
     time_s = 0.005 * np.arange(2000)
     late = 10.0 * np.sin(3.0 * (time_s - delay_s))
-    cell = ChannelMapping("f", "N", sensor=SensorScale((-100.0, 100.0), "N", delay_s=delay_s))
+    cell = ChannelMapping("f", "N", sensor=SensorScale(delay_s=delay_s))
     others = {name: np.cos(5.0 * time_s) for name in "abx"}
     mapped = map_signals([table("", t=1e3 * time_s, f=late, **others)], MAPPING | {"load_force_n": cell})
     assert mapped.notes == (f"load_force_n: moved {1e3 * delay_s:g} ms earlier, the delay stated for its sensor",)

@@ -230,9 +230,9 @@ def units_agree(stated: str, configured: str) -> bool:
 class SensorScale:
     """A sensor as its data sheet states it."""
 
-    # Readings at the two ends of its signal, in ``unit``; the first may be the larger one
-    range: tuple[float, float]
-    unit: str  # Unit of ``range``, for example bar
+    # Readings at the two ends of its signal, in ``unit``; the first may be the larger one. Infinite if not stated
+    range: tuple[float, float] = (-math.inf, math.inf)
+    unit: str = ""  # Unit of ``range``, for example bar; empty without one
     # Values of the channel at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V, (0, 4095)
     # counts. None if the logger has already converted the signal.
     signal: tuple[float, float] | None = None
@@ -248,7 +248,11 @@ class SensorScale:
     calibrated: str = ""  # Day of its last calibration, such as 2026-03-27
 
     def __post_init__(self) -> None:
-        for name in ("range", "signal"):
+        scale = ("range", "unit", "signal", "bits", "accuracy_percent")
+        found = {name: own for name in scale if (own := getattr(self, name)) not in (None, "", SensorScale.range)}
+        whole = not found or {"range", "unit"} <= found.keys()
+        expect(whole, "sensor", "range and unit, such as range: [0, 250], unit: bar", found)
+        for name in ("range", "signal") if found else ():
             pair = getattr(self, name)
             valid = pair is None or (len(pair) == 2 and all(map(math.isfinite, pair)) and pair[0] != pair[1])
             expect(valid, f"sensor: {name}", "two different finite numbers", pair)
@@ -358,9 +362,10 @@ class ChannelMapping:
 
     def for_stroke(self, column: str, stroke_m: float) -> Self:
         """Add a sensor if the channel is a percentage of the stroke; return any other mapping unchanged."""
-        if self.sensor is not None or not of_stroke(column, self.unit):
+        sensor = self.sensor or SensorScale()
+        if sensor.unit or not of_stroke(column, self.unit):
             return self
-        return replace(self, sensor=SensorScale((0.0, stroke_m), "m", signal=(0.0, 100.0)))
+        return replace(self, sensor=replace(sensor, range=(0.0, stroke_m), unit="m", signal=(0.0, 100.0)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -423,7 +428,7 @@ def _problem(column: str, source: ChannelMapping) -> str:
         return ""
     check_unit(column, source.reading_unit)
     if sensor is not None:
-        check_unit(column, sensor.unit)
+        check_unit(column, sensor.unit or source.unit)
         if not source.absolute and stated_reference(sensor.unit) == "absolute":
             return (
                 f"the sensor's unit {sensor.unit!r} is absolute pressure, but the channel is read as gauge; write "
@@ -444,8 +449,7 @@ def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimi
     """Compute the limits of each stated sensor by column, with unit, offset, atmosphere and sign applied."""
     limits = {}
     for column, source in mapping.items():
-        sensor = source.sensor
-        if sensor is None:
+        if (sensor := source.sensor) is None or not sensor.unit:
             continue
         offset = source.offset * check_unit(column, source.reading_unit)[0]
         ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
@@ -466,8 +470,7 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
     """
     stated = {}
     for column, source in mapping.items():
-        sensor = source.sensor
-        if sensor is None or sensor.accuracy_percent is None:
+        if (sensor := source.sensor) is None or sensor.accuracy_percent is None:
             continue
         resolution = sensor_step(column, sensor, source.unit) or 0.0
         share = sensor.accuracy_percent / 100.0 * RECTANGULAR
