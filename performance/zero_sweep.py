@@ -159,17 +159,14 @@ def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinde
     for each, truth_n in zip(labelled, truths_n, strict=True):
         found, rows = known[each.metadata.session], each.usable()
         error_n, half_n = (each.column("friction_n") - truth_n)[rows], each.column(UNCERTAINTY_COLUMN)[rows]
-        level_n, taken_off = float(np.mean(np.abs(truth_n[rows]))), found.source == STROKES
-        left_n = error_n - (found.offset_n if taken_off else 0.0)
-        if taken_off or found.uncertainty_n > found.stated_n:
-            half_n = found.half_n(half_n)
+        level_n, left_n = float(np.mean(np.abs(truth_n[rows]))), error_n - found.correction_n
         missed_n = abs(float(np.mean(error_n)) - found.offset_n)
         yield {
             "with %": 100.0 * float(np.mean(np.abs(left_n))) / level_n,
             "without %": 100.0 * float(np.mean(np.abs(error_n))) / level_n,
-            "label held %": 100.0 * float(np.mean(np.abs(left_n) <= half_n)),
+            "label held %": 100.0 * float(np.mean(np.abs(left_n) <= found.half_n(half_n))),
             "points held %": held[each.metadata.condition],
-            "offset held %": 100.0 * (missed_n <= found.uncertainty_n) if taken_off else np.nan,
+            "offset held %": 100.0 * (missed_n <= found.uncertainty_n) if found.source == STROKES else np.nan,
         }
 
 
@@ -181,8 +178,7 @@ def points_held(labelled: list[Recording], truths_n: list[Array], known: dict[st
         for each, truth_n in zip(labelled, truths_n, strict=True):
             if each.metadata.condition == condition:
                 offsets.append(found := known[each.metadata.session])
-                less_n = found.offset_n if found.source == STROKES else 0.0
-                own.append(each.with_columns(friction_n=each.column("friction_n") - less_n))
+                own.append(each.with_columns(friction_n=each.column("friction_n") - found.correction_n))
                 true.append(each.with_columns(friction_n=truth_n))
         points, zeros_n = stribeck_points(own, PLAN.slowest_m_s, 0.95), mean_uncertainty_n(offsets)
         within = [

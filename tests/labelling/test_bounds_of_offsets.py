@@ -67,7 +67,7 @@ def test_offsets_hold_the_truth_where_zeros_are_worse_than_stated_and_that_is_na
         label, true_n[f"s{number}"] = label.with_columns(friction_n=made.column("friction_n") + off_n), off_n
         evidence.append(offset_evidence(label, cylinder, OffsetPlan(), math.nan, math.nan, ""))
     known = known_offsets(evidence, cylinder, OffsetPlan())
-    off_n = [abs(true_n[each.session] - (each.offset_n if each.source == STROKES else 0.0)) for each in known]
+    off_n = [abs(true_n[each.session] - each.correction_n) for each in known]
     assert np.mean([off <= each.uncertainty_n for off, each in zip(off_n, known, strict=True)]) >= 0.85
     assert {("session to session" in each.doubt) for each in known} == {times == 2.0}
     if times == 2.0:

@@ -17,13 +17,7 @@ from cylinder_friction.estimation.results import FrictionOfRecording, known_numb
 from cylinder_friction.evaluation.friction_levels import friction_levels
 from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.labelling.apparent_loss import ApparentLoss, named_loss
-from cylinder_friction.labelling.known_offset import (
-    STROKES,
-    KnownOffset,
-    OffsetEvidence,
-    known_offsets,
-    offset_evidence,
-)
+from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence, known_offsets, offset_evidence
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
 from cylinder_friction.labelling.pooled_load import pooled_load
@@ -160,13 +154,9 @@ class RecordingFriction:
         """
         if known is None:
             return recording.without_columns(UNCERTAINTY_COLUMN)
-        friction_n, half_n = recording.column("friction_n"), np.full(len(recording), math.nan)
+        friction_n, half_n = recording.column("friction_n") - known.correction_n, np.full(len(recording), math.nan)
         if UNCERTAINTY_COLUMN in recording.columns:
-            half_n = recording.column(UNCERTAINTY_COLUMN)
-        if known.source == STROKES:
-            friction_n = friction_n - known.offset_n
-        if known.source == STROKES or known.uncertainty_n > known.stated_n:
-            half_n = known.half_n(half_n, self._stated_load_n(recording))
+            half_n = known.half_n(recording.column(UNCERTAINTY_COLUMN), self._stated_load_n(recording))
         if loss is not None:
             half_n = half_n + loss.most_n(recording.column("velocity_m_s"))
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}

@@ -82,12 +82,20 @@ class KnownOffset:
             return f"{self.offset_n:z.1f} ± {self.uncertainty_n:.1f} N"
         return f"unknown, ± {self.uncertainty_n:.1f} N" if math.isfinite(self.uncertainty_n) else "unknown"
 
+    @property
+    def correction_n(self) -> float:
+        """Offset that strokes determine, to subtract from friction [N]; else 0."""
+        return self.offset_n if self.source == STROKES else 0.0
+
     def half_n(self, label_n: Array, load_n: float = 0.0) -> Array:
-        """Compute half the width of bounds about friction without this offset [N], shape ``(n,)``.
+        """Compute half the width of bounds about friction less ``correction_n`` [N], shape ``(n,)``.
 
         ``label_n`` is the label's expanded uncertainty with the zeros as stated, and ``load_n`` that of a stated load.
-        Offset and load are the same in all rows, so that the errors of rows come on top.
+        The zeros count as stated unless strokes determine the offset or show that they are worse. Then the offset's own
+        uncertainty counts. Offset and load are the same in all rows, so that the errors of rows come on top.
         """
+        if self.source != STROKES and not self.uncertainty_n > self.stated_n:
+            return label_n
         variance = np.maximum(label_n**2 - self.stated_n**2, 0.0)
         same_n = math.hypot(self.uncertainty_n, load_n)
         return np.maximum(np.sqrt(variance + same_n**2), same_n + NINE_OF_TEN * np.sqrt(variance))
