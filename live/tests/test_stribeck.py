@@ -30,11 +30,14 @@ def test_curves_of_the_pipeline_and_of_identify_become_lines(tmp_path: Path) -> 
     assert lines["cold"] == line | {"everywhere": False} != lines["warm"]
 
 
-def test_where_slow_sliding_determined_nothing_the_line_does_not_rise(tmp_path: Path) -> None:
-    slow = dict.fromkeys(("static_n", "stribeck_velocity_m_s", "stribeck_exponent"))
+@pytest.mark.parametrize(("unknown", "viscous"), [((), 500.0), (("viscous_n_s_m",), 0.0)])
+def test_where_sliding_determined_nothing_the_line_does_not_rise(
+    unknown: tuple[str, ...], viscous: float, tmp_path: Path
+) -> None:
+    slow = dict.fromkeys(("static_n", "stribeck_velocity_m_s", "stribeck_exponent", *unknown))
     write_json(tmp_path / "curves.json", {"stribeck": {"1": {"curve": CURVE | slow}}})
     line = stribeck_lines(tmp_path / "curves.json")["1"]
-    dry_n = np.abs(line["friction_n"]) - 500.0 * np.abs(line["velocity_m_s"])
+    dry_n = np.abs(line["friction_n"]) - viscous * np.abs(line["velocity_m_s"])
     np.testing.assert_allclose(dry_n, np.where(np.array(line["velocity_m_s"]) < 0.0, 360.0, 300.0))
 
 

@@ -1,7 +1,5 @@
 """Points of steady sliding with confidence intervals: strokes count, rows do not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -43,16 +41,17 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert 0.9 < held / repeats <= 0.99
 
 
-def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:
-    curve = StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
+def test_a_curve_without_slow_or_fast_sliding_has_no_numbers_for_it() -> None:
+    curve, crept = StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2), np.geomspace(2e-3, 12e-3, 8).tolist()
     speeds = np.geomspace(1e-3, 0.2, 12).tolist()
-    for chosen, known in ((speeds, True), (speeds[5:], False)):
-        recording = strokes(chosen, np.zeros(2 * len(chosen)), curve)
+    cases = ((speeds, 0.0, True, True), (speeds[5:], 0.0, False, True), (crept, 5.0, True, False))
+    for chosen, off_n, known, viscous in cases:
+        recording = strokes(chosen, np.random.default_rng(0).normal(0.0, off_n, 2 * len(chosen)), curve)
         points = stribeck_points([recording], 5e-4, 0.95)
-        found = IdentifiedCurve.through([recording], points, Zeros(0.0), None, np.zeros(len(points))).to_dict()
+        found = IdentifiedCurve.through([recording], points, Zeros(0.0), None, CYLINDER).to_dict()
         assert found["curve"]["coulomb_n"] == pytest.approx(240.0, rel=0.1)
-        assert (found["curve"]["static_n"] is not None) == known
-        assert ("record" in found["why_not"]) != known
+        assert [found["curve"][name] is not None for name in ("static_n", "viscous_n_s_m")] == [known, viscous]
+        assert bool(found["why_not"]) != (known and viscous)
 
 
 def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_has() -> None:
@@ -64,7 +63,7 @@ def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_
         sessions.append(replace(own.with_columns(position_m=noisy_m), metadata=replace(own.metadata, session=name)))
     points = stribeck_points(sessions[:1], 5e-4, 0.95)
     zeros = Zeros(np.inf, "zeros are not stated")
-    one = IdentifiedCurve.through(sessions[:1], points, zeros, None, np.zeros(len(points)))
+    one = IdentifiedCurve.through(sessions[:1], points, zeros, None, CYLINDER)
     assert one.curve is None
     assert one.to_dict()["why_not"].startswith("zeros are not stated; at the slowest steady sliding")
     assert all(each.known_half_width_n is None for each in one.points)

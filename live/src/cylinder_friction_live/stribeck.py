@@ -9,7 +9,7 @@ import numpy as np
 from cylinder_friction.files.whole_files import read_json
 
 _SPEEDS_M_S = np.geomspace(1e-4, 2.0, 150)
-_NO_RISE = {"stribeck_velocity_m_s": 0.01, "stribeck_exponent": 2.0}
+_UNKNOWN = {"stribeck_velocity_m_s": 0.01, "stribeck_exponent": 2.0, "viscous_n_s_m": 0.0}
 _EXPECTED = "expected friction_models.json of `cylinder-friction identify`, or stribeck_points.json of the stage lugre"
 
 Lines = dict[str, dict[str, Any]]
@@ -26,7 +26,7 @@ def stribeck_lines(path: Path) -> Lines:
     A curve applies everywhere if it is the only one of ``identify``, else to the sessions whose names state its
     condition: the stage ``lugre`` identifies one of several.
 
-    If slow sliding did not determine the rise of friction towards standstill, the line has no rise.
+    If strokes did not determine the rise of friction towards standstill, or viscous friction, the line has none.
 
     Raises:
         StribeckError: The file cannot be read, has another content, or none of its curves was determined.
@@ -52,6 +52,6 @@ def _line(parameters: Mapping[str, Any]) -> dict[str, list[float]]:
     from cylinder_friction.friction_models.stribeck import StribeckCurve
 
     known = {name: value for name, value in parameters.items() if value is not None}
-    curve = StribeckCurve(**({"static_n": known["coulomb_n"]} | _NO_RISE | known))
+    curve = StribeckCurve(**({"static_n": known["coulomb_n"]} | _UNKNOWN | known))
     velocity_m_s = np.concatenate([-_SPEEDS_M_S[::-1], _SPEEDS_M_S])
     return {"velocity_m_s": velocity_m_s.tolist(), "friction_n": curve.friction(velocity_m_s).tolist()}

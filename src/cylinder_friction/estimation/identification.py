@@ -19,7 +19,6 @@ from cylinder_friction.estimation.identified_model import (
     CONFIDENCE,
     DAMPING_RATIO,
     SLOW_PARAMETERS,
-    WIDEST,
     FrictionModels,
     IdentifiedCurve,
     IdentifiedModel,
@@ -27,6 +26,7 @@ from cylinder_friction.estimation.identified_model import (
     determined,
     matlab_script,
     modelica_record,
+    no_viscous_seen,
     pressure_problem,
     stribeck_points,
 )
@@ -72,10 +72,6 @@ half-width of an interval, as a share of the value: the bias by smoothing of lab
 by the last factor, because smoothing spreads a reversal over more travel."""
 UNSEEN = "steady sliding of condition {} does not show it"
 COARSE = "bristles bend by {:.2g} m, less than the position's step of {:.2g} m; record a finer position"
-UNSEPARATED_FROM_LINES = (
-    "strokes do not tell it from what lines between sensors and cylinder lose, as that is stated too inexactly "
-    "(line_loss.uncertainty_percent)"
-)
 BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 LARGE = 0.25
@@ -195,9 +191,7 @@ class ModelSearch:
         for condition in sorted({recording.metadata.condition for recording in self.recordings}):
             own = self._of(condition)
             points, zeros = stribeck_points(own, self.slowest_m_s, CONFIDENCE), self._zeros(own)
-            speeds = np.array([point.velocity_m_s for point in points])
-            lines_n = lines_uncertain_n(own[0], self.run.cylinder, speeds)
-            curves.append(IdentifiedCurve.through(own, points, zeros, self.run.loss, lines_n))
+            curves.append(IdentifiedCurve.through(own, points, zeros, self.run.loss, self.run.cylinder))
         return tuple(curves)
 
     @property
@@ -285,9 +279,8 @@ class ModelSearch:
         why_not = dict.fromkeys(SLOW_PARAMETERS, unseen) | dict.fromkeys(BENT_BY_A_LOSS, loss)
         bent_m = found.parameters.value("coulomb_n") / found.parameters.value("bristle_stiffness_n_m")
         why_not["bristle_stiffness_n_m"] = COARSE.format(bent_m, self.step_m) if bent_m < self.step_m else ""
-        lower, upper = intervals["viscous_n_s_m"]
-        if upper > WIDEST * lower and lines_uncertain_n(recordings[0], self.run.cylinder, np.ones(1)).any():
-            why_not["viscous_n_s_m"] = loss or UNSEPARATED_FROM_LINES
+        lines_n = lines_uncertain_n(recordings[0], self.run.cylinder, np.ones(1))
+        why_not["viscous_n_s_m"] = loss or no_viscous_seen(intervals["viscous_n_s_m"], lines_n)
         parameters = determined(model, found, zeros, why_not)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found)

@@ -15,6 +15,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.steady_intervals import lines_uncertain_n, steady_intervals
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
@@ -75,6 +76,10 @@ LEAST_PRESSURE_SPAN = 1.5
 UNSEPARATED = (
     "strokes do not tell it from dry friction, which changes with speed, pressure and place; record more strokes at "
     "constant speed, slow ones and fast ones, and other loads"
+)
+UNSEPARATED_FROM_LINES = (
+    "strokes do not tell it from what lines between sensors and cylinder lose, as that is stated too inexactly "
+    "(line_loss.uncertainty_percent)"
 )
 SHAPELESS = "it is the shape of a fall of friction over the speed stribeck_velocity_m_s, which is not determined"
 SHIFTED_BY_ZEROS = ("coulomb_n", "static_n", "retract_ratio", "pressure_slope_n_pa")
@@ -137,6 +142,7 @@ class IdentifiedCurve:
     zeros: Zeros
     why_not: str  # Why there is none
     slow: str  # Why steady sliding does not show how friction rises towards standstill; empty if it does
+    viscous: str  # Why steady sliding does not show the curve's viscous friction; empty if it does
 
     @classmethod
     def through(
@@ -145,34 +151,44 @@ class IdentifiedCurve:
         points: Sequence[StribeckPoint],
         zeros: Zeros,
         loss: ApparentLoss | None,
-        lines_n: Array,
+        cylinder: Cylinder,
     ) -> Self:
         """Fit the line through points of one condition, and widen the points by zeros and by losses of lines.
 
-        ``loss`` is an unstated loss, and ``lines_n`` the expanded uncertainty of stated ones at each point. If zeros or
-        loss are unknown, there is no line: its friction in each direction would be taken as known.
+        ``loss`` is an unstated loss. If zeros or loss are unknown, there is no line: its friction in each direction
+        would be taken as known.
         """
         curve, why_not = known_curve(points)
         slow = why_not if curve is None else no_rise_seen(curve, points)
         if loss is not None or math.isinf(zeros.half_n):
             curve, why_not = None, zeros.why_not if loss is None else loss.unknown_viscous
-        own = []
+        lines_n = lines_uncertain_n(recordings[0], cylinder, np.array([point.velocity_m_s for point in points]))
+        own, viscous = list[StribeckPoint](), ""
+        if curve is not None:
+            interval = steady_intervals(recordings, cylinder, CONFIDENCE)["viscous_n_s_m"]
+            viscous = no_viscous_seen((*interval, curve.viscous_n_s_m), lines_n)
         for each, line_n in zip(points, lines_n.tolist(), strict=True):
             lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))
             own.append(replace(each, half_width_n=math.hypot(each.half_width_n, zeros.half_n, line_n) + lost_n))
         names = tuple(each.name for each in recordings)
-        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, slow)
+        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, slow, viscous)
 
     @property
     def reasons(self) -> str:
-        """Why there is no curve, and what slow sliding does not show; else empty."""
-        return "; ".join(dict.fromkeys(filter(None, (self.why_not, self.slow))))
+        """Why there is no curve, and what steady sliding does not show of it; else empty."""
+        viscous = self.viscous and f"viscous friction has no number: {self.viscous}"
+        return "; ".join(dict.fromkeys(filter(None, (self.why_not, self.slow, viscous))))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values; unknown values are None. The curve's numbers draw its line."""
+        """Return the content as JSON-compatible values; unknown values are None.
+
+        The curve's numbers draw its line, but for the parts that steady sliding does not show.
+        """
         curve = None if self.curve is None else asdict(self.curve)
         if curve is not None and self.slow:
             curve |= dict.fromkeys(SLOW_PARAMETERS)
+        if curve is not None and self.viscous:
+            curve["viscous_n_s_m"] = None
         points = [{**asdict(point), "half_width_n": point.known_half_width_n} for point in self.points]
         return {"recordings": list(self.recordings), "points": points, "curve": curve, "why_not": self.reasons}
 
@@ -188,6 +204,17 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
         return few if speeds < LEAST_SPEEDS else ""
     seen = "still rises towards standstill, how far is not seen" if rises else "does not rise towards standstill"
     return f"at the slowest steady sliding, {1e3 * slowest_m_s:.2g} mm/s, friction {seen}; record slower strokes"
+
+
+def no_viscous_seen(held_n_s_m: Sequence[float], lines_n: Array) -> str:
+    """State why strokes do not determine viscous friction; empty if they do.
+
+    ``held_n_s_m`` are numbers that its interval holds [N s/m]. ``lines_n`` is the expanded uncertainty of the stated
+    losses of lines at some speeds [N].
+    """
+    if max(held_n_s_m) <= WIDEST * min(held_n_s_m):
+        return ""
+    return UNSEPARATED_FROM_LINES if lines_n.any() else UNSEPARATED
 
 
 def stribeck_points(
@@ -308,8 +335,7 @@ def _unknown(spec: ParameterSpec, found: Identification, zeros: Zeros) -> str:
     lower, upper = found.intervals[spec.name]
     shifted = spec.name in SHIFTED_BY_ZEROS
     if upper > WIDEST * lower or (shifted and math.isinf(zeros.half_n)):
-        wide = f"its interval spans more than a factor of {WIDEST:g}"
-        return UNSEPARATED if spec.name == "viscous_n_s_m" else (zeros.why_not if shifted else "") or wide
+        return (zeros.why_not if shifted else "") or f"its interval spans more than a factor of {WIDEST:g}"
     if spec.relative_to != "" or spec.may_be_zero:
         return ""
     at_limit = upper >= (1.0 - _AT_THE_LIMIT) * spec.upper or lower <= (1.0 + _AT_THE_LIMIT) * spec.lower
