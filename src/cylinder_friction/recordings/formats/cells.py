@@ -458,9 +458,9 @@ def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
         epoch = epoch_of(numbers, name)
         if epoch is None or (table.channels.columns == name).sum() > 1:
             continue
-        unit = conversion(stated.get(name) or table.units.get(name, ""), "time")
-        other = unit is not None and epoch is not WINCC and not math.isclose(unit[0], 1e-9 * epoch.unit_ns)
-        if unit and other and abs(float(numbers[0])) * unit[0] < LATEST_S:
+        counted_s = 1e-9 * epoch.unit_ns
+        unit_s, _ = conversion(stated.get(name) or table.units.get(name, ""), "time") or (counted_s, 0.0)
+        if epoch is not WINCC and not math.isclose(unit_s, counted_s) and abs(float(numbers[0])) * unit_s < LATEST_S:
             continue
         dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
         notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")
