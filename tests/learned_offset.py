@@ -50,7 +50,7 @@ def doubting(model: StepModel) -> StepModel:
     model = learning(model)
     assert model.offset is not None
     settings = model.offset.settings._replace(scale_support=DOUBT / 0.08**2, slope_support=DOUBT / 0.05**2)
-    return replace(model, offset=replace(model.offset, settings=settings))
+    return replace(model, offset=model.offset._replace(settings=settings))
 
 
 def learning(model: StepModel) -> StepModel:

@@ -55,7 +55,7 @@ def test_what_neither_pressure_nor_speed_explains_is_left() -> None:
     recordings = [strokes("a", 40.0), strokes("bb", 40.0, fastest_mm_s=20.0), strokes("ccc", 40.0, more_n=90.0)]
     found = compared(*recordings)
     assert found["ccc"].equal.newtons == pytest.approx(90.0, abs=10.0)
-    assert found["ccc"].is_unexplained
+    assert found["ccc"].equal.is_unexplained
     words = in_words(list(found.values()))
     assert "at equal pressures, speed and direction it differs from the others' for ccc +" in words
     assert words.endswith("position, the oil's temperature, the load or a sensor's zero")

@@ -105,7 +105,7 @@ def test_rest_before_the_first_stroke_shows_an_offset_as_large_as_friction(
     resting = resting.with_columns(position_m=np.full(len(resting), 0.1), pressure_1_pa=pressure_1_pa)
     tracker = tracker.careful(resting=20.0 / tracker.settings.rest_n)
     for prior_n in (20.0, 0.2):
-        found = learned(replace(tracker, prior=np.append(prior_n, tracker.prior[1:])), resting)
+        found = learned(tracker._replace(prior=np.append(prior_n, tracker.prior[1:])), resting)
         share = prior_n**2 / (prior_n**2 + 20.0**2)
         assert found[:20, 0].tolist() == [0.0] * 20
         assert found[-1, 0] == pytest.approx(share * 30.0, rel=0.15, abs=0.1)

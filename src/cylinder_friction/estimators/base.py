@@ -500,7 +500,7 @@ class FrictionEstimator(ABC):
         zeros = recording.metadata.identified_zero
         weights = dict(zip(self.channels, self.offset.weights[BALANCE], strict=True))
         label_n = math.hypot(*(weights[column] * zero.uncertainty for column, zero in zeros.items()))
-        return LearnedOffset(np.sqrt(np.maximum(found[:, 1] ** 2 - self.offset.common_n**2, 0.0)), label_n)
+        return LearnedOffset(np.sqrt(np.maximum(found[:, 1] ** 2 - self.offset.settings.common_n**2, 0.0)), label_n)
 
     def _refuse_unfitted(self) -> None:
         if self.sample_time_s is None or self.training_range is None:

@@ -51,6 +51,11 @@ class Difference:
     half_width_n: float  # Half its interval (k = 2), from the scatter between cells
     seconds: float  # Duration of sliding in these cells
 
+    @property
+    def is_unexplained(self) -> bool:
+        """Whether friction differs by more than its scatter."""
+        return abs(self.newtons) > self.half_width_n
+
 
 @dataclass(frozen=True)
 class RecordingDifference:
@@ -62,11 +67,6 @@ class RecordingDifference:
     # The rest of it at equal pressures, at equal speed and in equal direction, each by itself
     left_n: Mapping[str, float | None]
     equal: Difference | None  # The rest at all three together; None if recordings hardly share a cell
-
-    @property
-    def is_unexplained(self) -> bool:
-        """Whether friction differs at equal pressures, speed and direction by more than its scatter."""
-        return self.equal is not None and abs(self.equal.newtons) > self.equal.half_width_n
 
 
 def friction_levels(recordings: Iterable[Recording]) -> tuple[FrictionLevel, ...]:
@@ -125,22 +125,19 @@ def in_words(found: Sequence[RecordingDifference]) -> str:
         return ""
     friction = [each.friction_n for each in found]
     spread = f"the mean in steady sliding is {min(friction):z.0f} to {max(friction):z.0f} N from recording to recording"
-    still = sorted((each for each in found if each.is_unexplained), key=lambda each: -abs(_newtons(each)))
+    unexplained = [name for name, each in equal.items() if each.is_unexplained]
+    still = sorted(unexplained, key=lambda name: -abs(equal[name].newtons))
     if not still:
         return f"{spread}; at equal pressures, speed and direction recordings agree within their scatter"
     if len(equal) == 2:  # each is compared with the other one: a single difference
         still = still[:1]
-    shown = [f"{each.name} {_newtons(each):+.0f} ± {equal[each.name].half_width_n:.0f} N" for each in still[:3]]
+    shown = [f"{name} {equal[name].newtons:+.0f} ± {equal[name].half_width_n:.0f} N" for name in still[:3]]
     more = f" and {len(still) - 3} more" if len(still) > 3 else ""
     return (
         f"{spread}; at equal pressures, speed and direction it differs from the others' for {', '.join(shown)}{more}. "
         f"Something else differs, such as pressures within {PRESSURE_STEP_BAR:g} bar, position, the oil's temperature, "
         "the load or a sensor's zero"
     )
-
-
-def _newtons(each: RecordingDifference) -> float:
-    return 0.0 if each.equal is None else each.equal.newtons
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,6 @@ MODELS: dict[str, FrictionModel] = {model.name: model for model in (LuGre(), LuG
 def model_named(name: str) -> FrictionModel:
     """Look up a friction model by the name that saved estimators use: ``lugre`` or ``pressure_lugre``.
 
-    The model holds no state, so one instance serves all callers.
-
     Raises:
         ValueError: No model has that name; the message lists the known names.
 

@@ -104,14 +104,10 @@ class KnownOffset:
 def offset_evidence(
     labelled: Recording, cylinder: Cylinder, plan: OffsetPlan, uneven_n: float, friction_n: float, why_not: str
 ) -> OffsetEvidence:
-    """Collect the evidence of a labelled recording.
+    """Collect the evidence of a labelled recording, which is its own session if it names none.
 
-    Args:
-        labelled: Recording with friction, velocity and usable rows. Without a session name, it is its own session.
-        cylinder: Cylinder, for its areas.
-        plan: How offsets are identified.
-        uneven_n, friction_n: Half the sum and half the difference of friction up and down at equal position [N].
-        why_not: Reason why strokes cannot show an offset; empty if they may.
+    ``uneven_n`` and ``friction_n`` are half the sum and half the difference of friction up and down at equal position
+    [N]. ``why_not`` states why strokes cannot show an offset; it is empty if they may.
     """
     session = labelled.metadata.session or labelled.name
     identified = () if LOAD_FORCE in labelled.metadata.uncertainty else (LOAD_FORCE,)  # it has no sensor

@@ -11,8 +11,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.friction_quantities import POSITION_ORDER, FrictionQuantities
 from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
-from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
-from cylinder_friction.labelling.uncertainty import sensitivities
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, sensor_areas, zero_uncertainty_n
 from cylinder_friction.realtime.bounds import causal_velocity
 from cylinder_friction.realtime.sensor_offset import (
     BALANCE,
@@ -54,14 +53,10 @@ RANGED_PLACES = (0, 2, 5, 7)
 def fit_offset_tracker(
     recordings: Sequence[Recording], cylinder: Cylinder, inputs: Sequence[str], plan: OffsetPlan | None = None
 ) -> OffsetTracker:
-    """Fit the tracker with which a step learns the offset of a session, from sessions with identified offsets.
+    """Fit the tracker with which a step learns the offset of a session, from labels of ``OffsetModel.corrected``.
 
-    Args:
-        recordings: Labelled recordings with identified offsets (``OffsetModel.corrected``).
-        cylinder: Cylinder, for its areas and moving mass.
-        inputs: Columns of a sample: both pressures, the position, the load if it is measured, and optionally the oil's
-            temperature.
-        plan: How offsets are identified.
+    ``inputs`` are the columns of a sample: both pressures, the position, the load if it is measured, and optionally the
+    oil's temperature.
 
     Raises:
         RecordingError: An input that the force balance needs is missing, no zeros were identified, or there is only
@@ -150,7 +145,7 @@ def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str])
     place = list(inputs).index("position_m")
     found = tracker.rows(samples, causal_velocity(recording), place, tracker.new_state())
     true_n = (samples - recording.zeroed().samples(inputs)) @ tracker.weights[BALANCE]
-    return found[:, 0] - true_n, found[:, 1] ** 2 - tracker.common_n**2
+    return found[:, 0] - true_n, found[:, 1] ** 2 - tracker.settings.common_n**2
 
 
 def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], prior_n: float) -> OffsetTracker:
@@ -192,7 +187,7 @@ def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], pr
 def _weights(recording: Recording, cylinder: Cylinder, inputs: Sequence[str], prior_n: float) -> Array:
     weights = np.zeros((5, len(inputs)))
     stated, whole = recording.metadata.uncertainty, cylinder.piston_area_m2 + cylinder.annulus_area_m2
-    areas = sensitivities(recording, cylinder) | ({LOAD_FORCE: -1.0} if LOAD_FORCE in inputs else {})
+    areas = sensor_areas(recording, cylinder)
     for place, column in enumerate(inputs):
         if column in areas:
             weights[BALANCE, place] = areas[column]

@@ -33,15 +33,9 @@ def take_offsets(
 ) -> Corrected:
     """Subtract the offset of each session from its labels, if strokes show it.
 
-    The training sessions alone determine friction; every other session is identified by itself.
-
-    Args:
-        recordings: Labelled recordings by role.
-        cylinder: Cylinder, whose areas convert pressures to friction.
-        plan: How offsets are identified.
-        channels: Inputs of the estimators, from which they learn the offset.
-        identify: ``auto`` subtracts only offsets that strokes show; ``always`` subtracts all; ``never`` subtracts none.
-        own_loads: Whether each session has a load of its own, which hides the offset.
+    The training sessions alone determine friction; every other session is identified by itself. Estimators learn the
+    offset from their inputs, ``channels``. ``auto`` subtracts only offsets that strokes show, ``always`` all, ``never``
+    none. With ``own_loads``, each session has a load of its own, which hides the offset.
 
     Raises:
         RecordingError: ``identify`` is ``always``, but offsets cannot be identified.

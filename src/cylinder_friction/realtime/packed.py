@@ -11,7 +11,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import invalid_flag
 from cylinder_friction.realtime.history import new_history
 from cylinder_friction.realtime.lstm import AT_A_TIME, NO_NETWORK, LstmWeights, Single
-from cylinder_friction.realtime.sensor_offset import NO_TRACKER, OffsetNumbers
+from cylinder_friction.realtime.sensor_offset import NO_TRACKER, OffsetTracker
 from cylinder_friction.realtime.unmodelled_force import force_limits
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Model(NamedTuple):
     # Mean and scale of the outputs of network and forest [N]
     target_mean_n: float
     target_scale_n: float
-    tracker: OffsetNumbers  # Tracker of the sensors' offset; no rows without one
+    tracker: OffsetTracker  # Tracker of the sensors' offset; no rows without one
     zeros: Array  # Change of each filter output per newton of offset; empty without a tracker
 
 
@@ -209,7 +209,7 @@ def packed_model(model: StepModel) -> Model:
         trees=_trees(model.forest, network.nodes + 1 if model.forest_sees == "features" else 0),
         target_mean_n=float(model.target_mean_n),
         target_scale_n=float(model.target_scale_n),
-        tracker=tracker.numbers(),
+        tracker=tracker,
         zeros=np.zeros(0) if model.offset is None else tracker.zero_of(taps.transpose(2, 0, 1)),
     )
 

@@ -17,7 +17,6 @@ that friction is not that of training (``UNLIKE``), the zeros are not corrected,
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -59,7 +58,7 @@ class OffsetSettings(NamedTuple):
     noise_n: float  # Standard deviations of a block's force balance, and of a stroke's error [N]
     stroke_n: float
     walk: float  # Variance that the offset's drift adds per sample [N²]
-    common_n: float  # Standard uncertainty of the mean offset of all sessions [N]
+    common_n: float  # Standard uncertainty of the mean offset of all sessions, which no session's motion reduces [N]
     # Speeds of training [m/s]
     speed_mean: float
     speed_deviation: float
@@ -77,19 +76,8 @@ class OffsetSettings(NamedTuple):
     slope_support: float = 0.0
 
 
-class OffsetNumbers(NamedTuple):
-    """First argument of ``offset_step``: the fields of ``OffsetTracker`` by the same names."""
-
-    weights: Array
-    settings: OffsetSettings
-    friction: Array
-    position: Array
-    ranges: Array
-
-
-@dataclass(frozen=True, eq=False)
-class OffsetTracker:
-    """Numbers from training with which a step learns the sensors' offset."""
+class OffsetTracker(NamedTuple):
+    """Numbers from training with which a step learns the sensors' offset, also in compiled code."""
 
     # Weights of each input, shape ``(5, inputs)``, rows as above: derivatives of the force balance [N] (less the part
     # of friction's asymmetry that grows with the load), of the mean pressure [Pa], of the load and of the temperature;
@@ -103,22 +91,19 @@ class OffsetTracker:
 
     def to_dict(self) -> dict[str, Any]:
         """List the content as JSON-compatible values."""
-        return {name: np.asarray(value).tolist() for name, value in asdict(self).items()}
+        return {name: np.asarray(value).tolist() for name, value in self._asdict().items()}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Rebuild the tracker from ``to_dict``."""
-        arrays: dict[str, Any] = {each.name: np.array(content[each.name], dtype=np.float64) for each in fields(cls)}
+        arrays: dict[str, Any] = {name: np.array(content[name], dtype=np.float64) for name in cls._fields}
         return cls(**arrays | {"settings": OffsetSettings(*map(float, content["settings"]))})
 
     def careful(self, learning: float = 1.0, stating: float = 1.0, resting: float = 1.0, drifting: float = 1.0) -> Self:
         """Make a more careful tracker, by factors on its assumptions.
 
-        Args:
-            learning: Factor on the differences between sessions and strokes.
-            stating: Factor on the stated uncertainty, which never exceeds that of the sensors' zeros.
-            resting: Factor on friction at rest.
-            drifting: Factor on the drift of the zeros.
+        ``learning`` multiplies the differences between sessions and strokes, ``stating`` the stated uncertainty (which
+        never exceeds that of the sensors' zeros), ``resting`` friction at rest, and ``drifting`` the zeros' drift.
         """
         settings = self.settings._replace(
             stroke_n=self.settings.stroke_n * learning,
@@ -128,49 +113,36 @@ class OffsetTracker:
             walk=self.settings.walk * drifting**2,
             caution=stating,
         )
-        return replace(self, prior=self.prior * [1.0, *[learning] * (OWN - 1)], settings=settings)
+        return self._replace(prior=self.prior * [1.0, *[learning] * (OWN - 1)], settings=settings)
 
     def new_state(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> Array:
         """Make the state before the first sample, shape ``(45 + inputs,)``.
 
-        Args:
-            offset_n: Known offset of the force balance [N]; 0 if nothing is known.
-            uncertainty_n: Its standard uncertainty [N]; None: that of the sensors' stated zeros.
+        ``offset_n`` is the force balance's offset as far as it is known, with its standard uncertainty [N]; None is
+        that of the sensors' stated zeros.
 
         Raises:
             ValueError: A number is not finite, or the uncertainty negative.
         """
         refuse_impossible(offset_n, uncertainty_n)
-        deviations, known = self.prior.copy(), uncertainty_n is not None
+        deviations = self.prior.copy()
         if uncertainty_n is not None:  # stated as given, apart from the part that all sessions share
-            own_n = math.sqrt(max(uncertainty_n**2 - self.common_n**2, 0.0))
+            own_n = math.sqrt(max(uncertainty_n**2 - self.settings.common_n**2, 0.0))
             deviations[0] = own_n / self.settings.caution
         state = np.zeros(SUMS + self.weights.shape[1])
-        state[EXTENDED] = state[RETRACTED] = float(known)
+        state[EXTENDED] = state[RETRACTED] = float(uncertainty_n is not None)
         state[DIRECTION], state[MEANS] = NOWHERE, offset_n
         state[COVARIANCE:GAIN] = np.diag(deviations**2).ravel()
         show(self.settings, state)
         return state
 
-    @property
-    def common_n(self) -> float:
-        """Standard uncertainty of the mean offset of all sessions, which no session's own motion can reduce [N]."""
-        return self.settings.common_n
-
-    def numbers(self) -> OffsetNumbers:
-        """Pack the first argument of ``offset_step``."""
-        return OffsetNumbers(self.weights, self.settings, self.friction, self.position, self.ranges)
-
     def rows(self, samples: Array, velocity_m_s: Array, place: int, state: Array) -> Array:
         """Learn the offset over samples: offset and standard uncertainty [N] before each, shape ``(n, 2)``.
 
-        Args:
-            samples: Samples as measured, shape ``(n, inputs)``.
-            velocity_m_s: Their causal velocities, shape ``(n,)``.
-            place: Place of the position among the inputs.
-            state: From ``new_state``; updated.
+        Samples, shape ``(n, inputs)``, are as measured, with their causal velocities, shape ``(n,)``, and ``place``
+        that of the position among the inputs. ``state`` is updated.
         """
-        return np.asarray(_rows(self.numbers(), state, place, velocity_m_s, samples))
+        return np.asarray(_rows(self, state, place, velocity_m_s, samples))
 
     def zero_of(self, taps: Array) -> Array:
         """Compute the change of filter outputs per newton of offset; taps have shape ``(outputs, inputs, lags)``."""
@@ -214,7 +186,7 @@ def show(settings: OffsetSettings, state: Array) -> None:
 
 @compiled_part
 def offset_step(
-    tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float, sample: Array, valid: bool
+    tracker: OffsetTracker, state: Array, place: int, velocity_m_s: float, sample: Array, valid: bool
 ) -> None:
     """Take the next sample, as measured, with its velocity and whether it is wholly valid; updates ``state``.
 
@@ -245,7 +217,7 @@ def offset_step(
 
 
 @compiled
-def _rows(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: Array, samples: Array) -> Array:
+def _rows(tracker: OffsetTracker, state: Array, place: int, velocity_m_s: Array, samples: Array) -> Array:
     result = np.empty((samples.shape[0], 2))
     for row in range(samples.shape[0]):
         result[row, 0], result[row, 1] = state[OFFSET], state[DEVIATION]
@@ -289,7 +261,7 @@ def _means(weights: Array, state: Array) -> tuple[float, float, float, float]:
 
 
 @compiled_part
-def _take_block(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float) -> None:
+def _take_block(tracker: OffsetTracker, state: Array, place: int, velocity_m_s: float) -> None:
     """Update the session's own terms with a block's mean force balance."""
     settings, direction = tracker.settings, state[DIRECTION]
     if direction == 0.0 and state[EXTENDED] + state[RETRACTED] > 0.0:
@@ -327,7 +299,7 @@ def _friction(friction: Array, pressure: float, speed: float, load: float, warm:
 
 
 @compiled_part
-def _along(tracker: OffsetNumbers, position_m: float) -> float:
+def _along(tracker: OffsetTracker, position_m: float) -> float:
     """Evaluate the polynomial in position, by Horner's rule."""
     first_m, last_m = tracker.settings.first_position_m, tracker.settings.last_position_m
     along = (2.0 * position_m - first_m - last_m) / (last_m - first_m)

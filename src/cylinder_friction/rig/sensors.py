@@ -31,12 +31,8 @@ def measure(
 ) -> pd.DataFrame:
     """Measure a trace as the logger does: columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and °C.
 
-    Args:
-        sensors: Parameters of the sensors.
-        trace: Result of ``simulate``, whose time step divides the sample time.
-        generator: Random numbers of the noise.
-        session_time_s: Time since the transmitters were zeroed, at the first row [s]; their drift begins there.
-        load_cell: Whether there is a load cell; its column ``LOAD_COLUMN`` [N] then comes last.
+    ``trace`` is a result of ``simulate``. The transmitters were zeroed ``session_time_s`` before its first row [s];
+    their drift begins there. With a ``load_cell``, its column ``LOAD_COLUMN`` [N] comes last.
 
     Raises:
         ValueError: The trace's time step does not divide the sample time.
@@ -61,7 +57,9 @@ def measure(
     seen_m += generator.normal(0.0, sensors.position_noise_m, len(time_s))
     span_m = sensors.position_span_m
     columns[LOGGER_COLUMNS[3]] = _converted(seen_m, span_m, sensors.bits, -UNDER_RANGE * span_m) / MM
-    columns[LOGGER_COLUMNS[4]] = _thermometer(sensors, trace, log_step_s, stride, generator)
+    late_c = _late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s)[::stride]
+    seen_c = late_c + sensors.temperature_offset_c + generator.normal(0.0, sensors.temperature_noise_c, len(time_s))
+    columns[LOGGER_COLUMNS[4]] = _converted(seen_c, sensors.temperature_span_c, sensors.bits, 0.0)
     if load_cell:
         rows = np.arange(len(trace)) - round(sensors.load_delay_s / log_step_s)
         true_n = trace["load_force_n"].to_numpy()[np.maximum(rows, 0)]
@@ -108,16 +106,6 @@ def _late(values: Array, lag_s: float, step_s: float) -> Array:
     keep = np.exp(-step_s / lag_s)
     late, _ = signal.lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
     return np.asarray(late)
-
-
-def _thermometer(
-    sensors: SensorParameters, trace: pd.DataFrame, log_step_s: float, stride: int, generator: Generator
-) -> Array:
-    """Compute the reading of the Pt100 in its well [°C]: late by its time constant, wrong by its offset."""
-    late_c = _late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s)
-    seen_c = late_c[::stride] + sensors.temperature_offset_c
-    seen_c += generator.normal(0.0, sensors.temperature_noise_c, len(seen_c))
-    return _converted(seen_c, sensors.temperature_span_c, sensors.bits, 0.0)
 
 
 def _potentiometer(sensors: SensorParameters, position_m: Array) -> Array:

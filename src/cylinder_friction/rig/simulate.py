@@ -68,13 +68,10 @@ def simulate(
     time_step_s: float = DEFAULT_STEP_S,
     external_force: ExternalLoad | None = None,
 ) -> pd.DataFrame:
-    """Simulate the rig; the trace has one row each millisecond and the columns ``TRACE_COLUMNS``.
+    """Simulate the rig without its sensors; the trace has one row each millisecond, columns ``TRACE_COLUMNS``.
 
     Args:
-        rig: The rig; its sensors are not used here.
         lever: An operator's duty cycle, or the lever itself, one value each millisecond, -1 to 1.
-        start: The state at time 0.
-        duration_s: Duration [s].
         drift: Slow factor on Coulomb friction, one value per second; None means 1 throughout.
         time_step_s: Step of the integration [s]; must divide one millisecond.
         external_force: Load on the rod, positive if it resists extension. None means no load.

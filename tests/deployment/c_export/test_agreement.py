@@ -41,7 +41,7 @@ def test_it_learns_the_offset_whatever_makes_a_block(
     model, samples = part_of(learning(golden_model), "base"), offset_samples[:2000]
     assert model.offset is not None
     settings = model.offset.settings._replace(settling=settling, block=block)
-    model = replace(model, offset=replace(model.offset, settings=settings))
+    model = replace(model, offset=model.offset._replace(settings=settings))
     newtons, offsets, flags = RealTimeStream(model).run_with_offset(samples)
     stream = CompiledEstimator(export_model(model, tmp_path)).stream()
     rows = np.array([(*stream.step(*sample), *stream.offset) for sample in samples.tolist()])
