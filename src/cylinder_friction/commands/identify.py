@@ -24,12 +24,9 @@ def run(options: argparse.Namespace) -> int:
 def _lines(result: FrictionModels) -> list[str]:
     lines = []
     for curve in result.curves:
-        words = (
-            f"no curve: {curve.reasons}"
-            if curve.curve is None
-            else "; ".join(filter(None, ("curve fitted", curve.slow)))
-        )
-        lines.append(f"condition {curve.condition}: {counted(len(curve.points), 'point')} of steady sliding, {words}")
+        fitted = "no curve: " if curve.curve is None else "curve fitted; " if curve.reasons else "curve fitted"
+        points = counted(len(curve.points), "point")
+        lines.append(f"condition {curve.condition}: {points} of steady sliding, {fitted}{curve.reasons}")
     for model in result.models:
         if model.found is None:
             lines += ["", f"{model.title}: not identified: {model.why_not}"]

@@ -246,13 +246,8 @@ def label_missed(recording: Recording, bounds: Bounds) -> str:
 class LabelledLogs:
     """Turns logger files into recordings with their friction.
 
-    Args:
-        logs: The files that belong together, and their recipe.
-        files: The logs among them to process.
-        scratch: A folder that may be removed afterwards.
-        model: The estimator or its folder. With None, friction is the off-line label less the sensors' offset, if that
-            is known.
-        workers: Process recordings in parallel. None processes them one after the other in this process.
+    It processes those ``files`` of ``logs``, one after the other without ``workers``. ``scratch`` is a folder that may
+    be removed afterwards. Without a model, friction is the off-line label less the sensors' offset, if that is known.
 
     Attributes:
         refused: Files and recordings that could not be used. This and the following are complete after ``labelled``.

@@ -110,8 +110,7 @@ def identify_logs(
     Args:
         files, channels, cylinder, load, names, units, sensor_class, database: As in ``read_recordings``.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
-        generations: Greatest number of generations of the global search.
-        seed: Seeds the global search.
+        generations, seed: Greatest number of generations of the global search, and its seed.
 
     Raises:
         ValueError: Fewer than one generation.
@@ -275,7 +274,8 @@ class ModelSearch:
             intervals["retract_ratio"] = _holding(intervals["retract_ratio"], *other)
         found = replace(found, intervals=intervals)
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
-        unseen = UNSEEN.format(" or ".join(sorted(conditions))) if all(each.slow for each in curves) else ""
+        seen = any("static_n" not in each.unknown for each in curves)
+        unseen = "" if seen else UNSEEN.format(" or ".join(sorted(conditions)))
         why_not = dict.fromkeys(SLOW_PARAMETERS, unseen) | dict.fromkeys(BENT_BY_A_LOSS, loss)
         bent_m = found.parameters.value("coulomb_n") / found.parameters.value("bristle_stiffness_n_m")
         why_not["bristle_stiffness_n_m"] = COARSE.format(bent_m, self.step_m) if bent_m < self.step_m else ""

@@ -141,8 +141,7 @@ class IdentifiedCurve:
     curve: StribeckCurve | None  # None if the points do not determine one
     zeros: Zeros
     why_not: str  # Why there is none
-    slow: str  # Why steady sliding does not show how friction rises towards standstill; empty if it does
-    viscous: str  # Why steady sliding does not show the curve's viscous friction; empty if it does
+    unknown: Mapping[str, str]  # Why steady sliding does not show parameters of the line, by name
 
     @classmethod
     def through(
@@ -163,32 +162,28 @@ class IdentifiedCurve:
         if loss is not None or math.isinf(zeros.half_n):
             curve, why_not = None, zeros.why_not if loss is None else loss.unknown_viscous
         lines_n = lines_uncertain_n(recordings[0], cylinder, np.array([point.velocity_m_s for point in points]))
-        own, viscous = list[StribeckPoint](), ""
+        own, unknown = list[StribeckPoint](), dict.fromkeys(SLOW_PARAMETERS if slow else (), slow)
         if curve is not None:
             interval = steady_intervals(recordings, cylinder, CONFIDENCE)["viscous_n_s_m"]
-            viscous = no_viscous_seen((*interval, curve.viscous_n_s_m), lines_n)
+            if viscous := no_viscous_seen((*interval, curve.viscous_n_s_m), lines_n):
+                unknown["viscous_n_s_m"] = f"viscous friction has no number: {viscous}"
         for each, line_n in zip(points, lines_n.tolist(), strict=True):
             lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))
             own.append(replace(each, half_width_n=math.hypot(each.half_width_n, zeros.half_n, line_n) + lost_n))
         names = tuple(each.name for each in recordings)
-        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, slow, viscous)
+        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, unknown)
 
     @property
     def reasons(self) -> str:
         """Why there is no curve, and what steady sliding does not show of it; else empty."""
-        viscous = self.viscous and f"viscous friction has no number: {self.viscous}"
-        return "; ".join(dict.fromkeys(filter(None, (self.why_not, self.slow, viscous))))
+        return "; ".join(dict.fromkeys(filter(None, (self.why_not, *self.unknown.values()))))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; unknown values are None.
 
         The curve's numbers draw its line, but for the parts that steady sliding does not show.
         """
-        curve = None if self.curve is None else asdict(self.curve)
-        if curve is not None and self.slow:
-            curve |= dict.fromkeys(SLOW_PARAMETERS)
-        if curve is not None and self.viscous:
-            curve["viscous_n_s_m"] = None
+        curve = None if self.curve is None else asdict(self.curve) | dict.fromkeys(self.unknown)
         points = [{**asdict(point), "half_width_n": point.known_half_width_n} for point in self.points]
         return {"recordings": list(self.recordings), "points": points, "curve": curve, "why_not": self.reasons}
 
