@@ -50,6 +50,9 @@ def test_a_name_that_other_systems_cannot_have_is_refused(path: str) -> None:
         (["Recording start = 2026-03-27 10:15:00 UTC-5"], "2026-03-27T15:15:00.000Z"),
         (["Messbeginn\t27.03.2026"], "2026-03-27"),
         (["StartTime=1773480000"], "2026-03-14T09:20:00.000Z"),
+        (["T0 = 27.03.2026 08:15:00"], "2026-03-27T08:15:00.000"),
+        (["Acquisition: Timed\tTime:\t1.5\tSec\t3/27/2026 8:15:00 AM"], "2026-03-27T08:15:00.000"),
+        (["=~=~= PuTTY log 2026.03.27 08:15:00 =~=~="], "2026-03-27T08:15:00.000"),
         (["# Start time: 1773480000500"], "2026-03-14T09:20:00.500Z"),
         (["Start;46095,42708", "Time;1"], "2026-03-14T10:14:59.712"),
         (["StartTime=4773480000", "Start;46095", "Time: 46095.42708"], None),  # in the future; a count; a time

@@ -99,7 +99,6 @@ WRONG = {
     "keys.yaml": {"channels": CHANNELS, "name_table": "names.csv"},
     "empty.yaml": {"source": "here"},
 }
-"""Mappings by the name of their file."""
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,9 @@ P1·A1 - P2·A2 if a cylinder has no pressure sensors."""
 
 UNCERTAINTY_COLUMN = "friction_uncertainty_n"
 """Expanded uncertainty of a friction label [N]: ``COVERAGE_FACTOR`` times the standard uncertainty."""
-COVERAGE_FACTOR = 2.0
-"""Ratio of expanded to standard uncertainty, for a confidence level of about 95 % (JCGM 100:2008, 6.3.3)."""
+COVERAGE_FACTOR = 2.0  # Expanded over standard uncertainty, for a confidence of about 95 % (JCGM 100:2008, 6.3.3)
 
-ALL_CONDITIONS = "all"
-"""Name that stands for all operating conditions together."""
+ALL_CONDITIONS = "all"  # Name that stands for all operating conditions together
 
 PRESSURES = (PRESSURE_1, PRESSURE_2)
 SAMPLE_COLUMNS = (*PRESSURES, POSITION)

@@ -74,10 +74,7 @@ class SeenRecordings:
 
 
 def overlaps_in_words(recordings: Iterable[tuple[Any, float]]) -> str:
-    """Name recordings of one session that overlap in time; empty if none do.
-
-    A recording is stated by its metadata, or its entry in a summary, and its duration [s].
-    """
+    """Name recordings (metadata or entry, and duration [s]) of one session that overlap in time; else empty."""
     sessions: dict[tuple[str, bool], list[tuple[float, float, str]]] = {}
     for who, duration_s in recordings:
         if "T" in who.start:  # a day without a time shows no overlap
@@ -116,10 +113,7 @@ class Quarantined:
 
 @dataclass(frozen=True)
 class LoggedFile:
-    """A file to be converted, and everything that its conversion depends on.
-
-    ``name`` is its path below the source, with ``/``. It states condition and session.
-    """
+    """A file to be converted, named by its path below the source with ``/``, and what its conversion depends on."""
 
     name: str
     path: Path
@@ -202,10 +196,7 @@ def pieces_from(
 def pieces_of_tables(
     tables: Sequence[LoggedTable], recipe: Recipe, about: RecordingMetadata
 ) -> Iterator[tuple[Recording | RecordingError, str]]:
-    """Yield the pieces of a file in order, each with its number among several; memory holds one part of a long file.
-
-    A part of a long file without a piece yields its error.
-    """
+    """Yield the pieces of a file, numbered, or errors of parts; memory holds one part of a long file."""
     if tables[0].more is None:
         pieces = pieces_from(tables, recipe, about)
         yield from (
@@ -290,11 +281,7 @@ def usable(
     seen: SeenRecordings,
     workers: Workers | None = None,
 ) -> Iterator[OfFile | Quarantined]:
-    """Do the ``work`` on each file; yield its results in order, and refuse copies of a recording.
-
-    ``work`` converts one file, whose mapping has passed ``check_mapping``. ``seen`` gets the new recordings. With
-    ``workers``, results must be picklable; without, files are processed one after the other in this process.
-    """
+    """Do the ``work`` on each file; yield its results in order, refuse copies, and add recordings to ``seen``."""
     done = (workers or Workers()).in_order([partial(work, file) for file in files])
     for file, outcomes in zip(files, shown(done, "ingest", len(files), "file"), strict=True):
         if isinstance(outcomes, LostPiece):

@@ -17,12 +17,9 @@ RECTANGULAR = 1.0 / math.sqrt(3.0)
 class LineLoss:
     """Pressure loss between a sensor at a valve or block and its chamber, stated at one speed or by a hose's size.
 
-    A loss stated at one speed grows with the square of speed, except for its laminar part. The loss of a hose without
-    fittings is computed from its dimensions (laminar: Hagen and Poiseuille; turbulent: Blasius). A loss of 0 bar states
-    that the sensor is at the cylinder's port.
-
-    Raises:
-        ValueError: Neither or both of the two are stated, or a number is out of range.
+    A loss stated at one speed grows with the square of speed, except for its laminar part; 0 bar states that the sensor
+    is at the cylinder's port. The loss of a hose without fittings is computed from its dimensions (laminar: Hagen and
+    Poiseuille; turbulent: Blasius). ``ValueError`` if neither or both are stated, or a number is out of range.
     """
 
     bar: float | None = None  # Loss at ``speed_m_s`` [bar]
@@ -54,10 +51,7 @@ class LineLoss:
         return f"{self.length_m:g} m of {self.bore_mm:g} mm bore {unsure}"
 
     def lost_pa(self, velocity_m_s: Array) -> Array:
-        """Compute how much higher the sensor's pressure is than its chamber's [Pa], shape ``(n,)``.
-
-        ``velocity_m_s`` is the velocity of the piston, positive while oil flows towards the chamber.
-        """
+        """Compute how much higher the sensor reads [Pa]; velocity is positive while oil flows to the chamber."""
         if self.bar is not None:
             part, laminar = velocity_m_s / (self.speed_m_s or 1.0), self.laminar_percent / 100.0
             return self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part))

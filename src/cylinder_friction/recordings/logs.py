@@ -45,8 +45,7 @@ KEYS = (
     *("csv", "database", "asset", "start", "time", "checks"),
 )
 """Keys of an ingest configuration."""
-ROWS_AT_ONCE = 1 << 18
-"""Approximate number of rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
+ROWS_AT_ONCE = 1 << 18  # Approximate rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz
 FULL_SCALE_BAR = 250.0
 """Full scale assumed for a pressure sensor whose class is stated but not its range [bar]; common in hydraulics."""
 START_PARTS = ("year", "month", "day", "hour", "minute", "second")

@@ -51,17 +51,16 @@ def read_recordings(
 
     Args:
         files: One path, a glob such as ``"logs/**/*.csv"``, a folder (all files in it), or several of these.
-        channels: Mapping of channels to columns: the path of a YAML file such as ``conf/ingest/rig.yaml`` (whose rules
-            for time, spikes, zeros and checks also apply), its content as a dictionary, or only its part under
-            ``channels``. None guesses the mapping from the first file, and a warning states every guess. A unit that
-            no file states is guessed only if the values fit no other unit.
+        channels: Mapping of channels to columns: the path of a YAML file such as ``conf/ingest/rig.yaml``, whose rules
+            also apply, its content, or only its part under ``channels``. None guesses the mapping from the first
+            file, and a warning states every guess. A unit that no file states is guessed only if no other unit fits.
         cylinder: The cylinder that was recorded; recordings are checked against its stroke and areas.
         names: Regular expression for a file's path with the groups ``condition`` and ``session`` (and ``load``). By
             default the ``name_pattern`` of ``channels``. Without one, each file is a session of its own, named as the
             file, and all have the condition "1".
-        load: Load of the cylinder: ``none``, ``measured`` (``load_force_n``) or ``position`` (it depends on
-            position alone). By default ``position`` if ``channels`` states that load, ``measured`` if
-            ``load_force_n`` is mapped, else ``none``. Or a constant load, ``StatedLoad(4218.0, within_n=40.0)``.
+        load: ``none``, ``measured`` (``load_force_n``), ``position`` (it depends on position alone), or a constant
+            load, ``StatedLoad(4218.0, within_n=40.0)``. By default what ``channels`` states, else ``measured`` if
+            ``load_force_n`` is mapped, else ``none``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
         sensor_class: Accuracy of the pressure sensors [± % of full scale] if ``channels`` states none. Full scale is

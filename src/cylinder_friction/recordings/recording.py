@@ -23,8 +23,7 @@ from cylinder_friction.recordings.columns import (
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.refusal import RefusalError
 
-Columns = Mapping[str, NDArray[Any]]
-"""Columns of equal length by name, in their order."""
+Columns = Mapping[str, NDArray[Any]]  # Columns of equal length by name, in their order
 
 
 class RecordingError(RefusalError, ValueError):
@@ -108,8 +107,7 @@ class RecordingMetadata:
     line_loss: Mapping[str, LineLoss] = field(default_factory=dict)
     # Identified zero of the sensor behind a column, which is not yet subtracted from the column
     identified_zero: Mapping[str, IdentifiedZero] = field(default_factory=dict)
-    # Repairs by ingest, one sentence each
-    repairs: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()  # Repairs by ingest, one sentence each
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -128,8 +126,7 @@ class RecordingMetadata:
         return {name: value for name, value in asdict(self).items() if value or name != "line_loss"}
 
 
-UNNAMED = RecordingMetadata("", "", "", 0.0)
-"""Metadata of columns that do not belong to a file yet."""
+UNNAMED = RecordingMetadata("", "", "", 0.0)  # Metadata of columns that do not belong to a file yet
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -156,8 +153,7 @@ class Recording:
     def __init__(self, metadata: RecordingMetadata, columns: Columns | pd.DataFrame) -> None:
         """Check columns or a table's columns, and keep them without a copy.
 
-        Raises:
-            RecordingError: A column is missing or of another shape, or a measured column contains NaN or infinity.
+        ``RecordingError`` if a column is missing or of another shape, or a measured one contains NaN or infinity.
         """
         own = {str(name): _read_only(values) for name, values in columns.items()}
         self.__dict__.update(metadata=metadata, columns=own)
@@ -220,11 +216,7 @@ class Recording:
         return np.asarray(self.columns[name], dtype=np.float64)
 
     def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> Array:
-        """Return the input of an estimator, shape ``(n, k)``: by default the raw samples P1 [Pa], P2 [Pa], x [m].
-
-        Raises:
-            RecordingError: A column is missing, for example because a drive force replaces both pressures.
-        """
+        """Return the input of an estimator, shape ``(n, k)``: by default the raw samples P1 [Pa], P2 [Pa], x [m]."""
         return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
 
     def zeroed(self) -> Recording:
@@ -281,8 +273,7 @@ class Recording:
         return replace(self, columns=kept) if checked else Recording.unchecked(self.metadata, kept)
 
 
-_CHECKED = {*SAMPLE_COLUMNS, DRIVE_FORCE, TIME}
-"""Columns whose values are checked when a recording is made."""
+_CHECKED = {*SAMPLE_COLUMNS, DRIVE_FORCE, TIME}  # Columns whose values are checked when a recording is made
 
 
 def _read_only(values: NDArray[Any] | pd.Series) -> NDArray[Any]:
@@ -304,15 +295,10 @@ def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPL
 
 @dataclass(frozen=True)
 class Signal:
-    """Values of one column, each with the logger's time stamp.
+    """Values of one column with the logger's stamps; columns of one table share ``time_s`` (the same object)."""
 
-    Columns of one logged table share their ``time_s`` array (the same object), so that time is processed once.
-    """
-
-    # Time stamps as logged, shape ``(n,)`` [s]; they may be uneven, duplicate, decreasing or not finite
-    time_s: Array
-    # Values in the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN if a sample is missing
-    values: Array
+    time_s: Array  # Stamps as logged, shape ``(n,)`` [s]; they may be uneven, duplicate, decreasing or not finite
+    values: Array  # Values in the column's own unit, shape ``(n,)``; NaN if a sample is missing
 
 
 @dataclass(frozen=True)

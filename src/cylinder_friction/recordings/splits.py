@@ -24,9 +24,8 @@ def split_sessions(
     of bounds, and the rest for training. Adding a recording to a session does not move other recordings. Sessions in
     ``held_out`` are the test sessions of their condition, in place of the first ones.
 
-    Raises:
-        RecordingError: There is no recording, a name occurs twice, a session spans two conditions, a condition has too
-            few sessions, or a session in ``held_out`` does not exist.
+    ``RecordingError`` if there is no recording, a name occurs twice, a session spans two conditions or is missing in
+    ``held_out``, or a condition has too few sessions.
     """
     if test_sessions < 1 or validation_sessions < 0 or calibration_sessions < 0:
         raise ValueError(

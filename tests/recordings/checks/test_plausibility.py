@@ -139,7 +139,7 @@ def test_a_stated_load_is_named_as_such(cylinder: Cylinder) -> None:
     assert other.text.endswith("; check the stated load, or zero the sensors")
 
 
-@pytest.mark.parametrize("sign", [1.0, -0.97])
+@pytest.mark.parametrize("sign", [1.0, -0.97, 0.8])
 def test_a_load_computed_from_the_pressures_is_refused(
     labelled_recordings: list[Recording], cylinder: Cylinder, sign: float
 ) -> None:

@@ -113,10 +113,18 @@ def test_a_rate_too_low_for_the_filters_is_refused(rate_hz: float, refused: bool
     assert all(each.text.startswith(words) for each in findings)
 
 
-def test_inspection_reports_every_refusal() -> None:
-    table = scaled(0.1, *PRESSURES)(scaled(1e3, "position_m")(good().iloc[:500]))
-    refused = [each.check for each in inspect(table, sample_time_s=1.0 / 20.0) if each.outcome == "refused"]
-    assert refused == ["rate", "position_range", "unit_plausible"]
+@pytest.mark.parametrize(("rows", "late", "refused"), [(20, 0, True), (7, 1, True), (4, 0, False)])
+def test_samples_held_over_many_rows_are_refused_as_too_slow(rows: int, late: int, refused: bool) -> None:
+    """A refresh may come a row late; slow motion over the steps of a converter is as even."""
+    table, at = good(4000), np.arange(4000)
+    first = at // rows * rows
+    first = np.where(at < first + first // rows % (late + 1), first - rows, first).clip(0)
+    for held in (table.assign(**table[list(PRESSURES)].iloc[first].reset_index(drop=True)), table.iloc[first]):
+        held = held.reset_index(drop=True).assign(time_s=table["time_s"])
+        found = [each.text for each in inspect(held) if each.check == "refresh"]
+        assert [f"pressure_2_pa come only every {rows} rows, at" in each for each in found] == [True] * refused
+    coarse = table.assign(position_m=5e-4 * (at // 10))
+    assert not any(each.check == "refresh" for each in inspect(coarse))
 
 
 def test_a_piston_that_rests_while_another_moves_is_noted() -> None:

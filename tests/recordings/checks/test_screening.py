@@ -44,6 +44,7 @@ def with_values(rows: slice | list[int], value: float | Array) -> Array:
         (with_values([700, 900], -62.5e5), [700, 900], "a sensor of 0 to 250 bar (4 to 20 mA) cannot read; taken as"),
         (with_values([50, 51], 250e5), [50, 51], "is 250 bar in row 51 (2 in all), the end of its sensor's"),
         (with_values([30, 31, 32], 1e5), [30, 31, 32], "is 1 bar in row 31 (3 in all), a spike"),
+        (with_values(slice(9, 99), -9999e5), [*range(9, 99)], "-9999 bar in 90 rows (first: row 10), which no sensor"),
     ],
 )
 def test_a_few_bad_samples_become_missing_and_are_told(values: Array, rows: list[int], message: str) -> None:
@@ -115,13 +116,6 @@ def test_resting_at_an_end_is_saturation_unless_it_is_legal(column: str, value: 
     else:
         with pytest.raises(RecordingError, match="the sensor is saturated"):
             screen(values, column)
-
-
-def test_a_position_sensor_shorter_than_the_stroke_saturates() -> None:
-    values = np.minimum(0.15 + 0.1 * np.sin(TIME_S), 0.2)
-    short = {"position_m": SensorLimits(0.0, 0.2, None, "0 to 200 mm")}
-    with pytest.raises(RecordingError, match=r"position_m is 0.2 m in row .* the end of its sensor's range of 0 to"):
-        screen_signals({"position_m": Signal(TIME_S, values)}, short, STROKE_M)
 
 
 def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> None:

@@ -60,6 +60,14 @@ def test_two_columns_of_one_stamp_are_joined(
         np.testing.assert_array_equal(table.channels["Date"].to_numpy(), STAMPS)
 
 
+def test_seconds_without_a_unit_are_joined_if_they_step_where_their_part_begins_anew(tmp_path: Path) -> None:
+    cells = [f"{55 + row // 20},{row % 20 * 50},1" for row in range(ROWS)]
+    table = read(tmp_path, "Time,ms,p", cells)
+    np.testing.assert_allclose(table.channels["Time"], 55.0 + 0.05 * np.arange(ROWS))
+    assert table.units["Time"] == "s"
+    assert read(tmp_path, "Time,ms,p", cells[3:] + cells[:3]).units == {}
+
+
 COUNTED = {
     "ticks of 100 ns since 1601 (FILETIME)": True,
     "ticks of 100 ns since the year 1 (.NET)": False,

@@ -75,6 +75,7 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
         ("TIMESTAMP,P1,x\nTS,bar,Deg C\n,Smp,Avg", {"P1": "bar", "x": "Deg C"}),  # of Campbell Scientific
         ("t,P1,x\n(s),(bar),(°C)\nclock,piston,oil", {"t": "s", "P1": "bar", "x": "°C"}),
         ("t,P1,x", {}),
+        ("t,P1,x\nf8,DateTime64(3),LREAL\n(s),(bar),(mm)", {"t": "s", "P1": "bar", "x": "mm"}),
         *[(f"t,P1,x\n{form},bar,mm", {"P1": "bar", "x": "mm"}) for form in DATE_FORMS],
     ],
 )
@@ -121,6 +122,7 @@ def test_cells_become_values(  # type: ignore[no-untyped-def]
 def test_older_encodings_are_recognised(read) -> None:  # type: ignore[no-untyped-def]
     assert read("T [°C],F [µN]\n40.5,1\n".encode("cp1252")).units == {"T [°C]": "°C", "F [µN]": "µN"}
     # The first character beyond ASCII comes far down, in a remark.
+    assert [*read("时间,压力\n1,2\n".encode("gbk")).channels] == ["时间", "压力"]
     rows = "".join(f"{i},ok\n" for i in range(20000))
     table = read(f"t,remark\n{rows}20000,zu heiß\n".encode("cp1252"))
     assert table.channels["remark"].iloc[-1] == "zu heiß"
@@ -154,6 +156,10 @@ def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], no
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        (
+            "".join(f"{name}{';1.5' * 2000}\n" for name in ("t", "p")),
+            "one line per channel, as 'p' with 2000 values; .*T.t",
+        ),
         ("t,p\n", r"no rows of numbers were found \(lines searched: 1\)"),
         (LABVIEW + ROWS * 99 + ",\n" + LABVIEW[LABVIEW.index("Chan") :], "two logs or segments"),
         ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 instead of 2 values: '5'; correct it, or cut"),
@@ -184,6 +190,13 @@ def test_a_sample_time_in_the_header_is_the_rate_of_the_rows(read, key: str) -> 
     with pytest.raises(RecordingError, match=r"header states 200 Hz, but time_s.rate_hz = 100 Hz; expected the same"):
         map_signals([table], mapping | {"time_s": ChannelMapping(rate_hz=100.0)})
     assert read(f"{key}\t0.005\t0.005\t0.010\n{rows}").rate_hz is None
+
+
+def test_headers_of_r_and_of_tektronix(read) -> None:  # type: ignore[no-untyped-def]
+    table = read('"t" "p"\n' + "".join(f'"{row}" {row / 2} 1.5\n' for row in range(1, 9)))
+    assert [*table.channels] == ["column_1", "t", "p"]
+    header = "Horizontal Units,s,,\nVertical Units,bar,bar,mm\nTIME,P1,P2,x\n"
+    assert read(header + "0,1.5,2,3\n" * 9).units == {"P1": "bar", "P2": "bar", "x": "mm"}
 
 
 def test_names_above_units_of_which_some_are_none(read) -> None:  # type: ignore[no-untyped-def]

@@ -58,6 +58,8 @@ NAMINGS: list[tuple[str, str, str, str]] = [
     ("Time", "PistonPressure", "Kolbenstangendruck", "s [mm]"),
     ("Time [s]", "Head end [bar]", "Rod end [bar]", "Position [mm]"),
     ("Time [s]", "Cap [bar]", "Head [bar]", "Position [mm]"),
+    ("时间 [s]", "无杆腔压力 [bar]", "有杆腔压力 [bar]", "位移 [mm]"),
+    ("Time [s]", "Ch 2 Pressure B bore [bar]", "P1 rod (port A) [bar]", "x [mm]"),
     ("Time (s)", "Pressure bore (bar)", "Pressure annulus (bar)", "Piston position (mm)"),
 ]
 
@@ -77,6 +79,19 @@ def test_usual_names_are_understood_in_any_order(names: tuple[str, str, str, str
 
 P1, P2, X = 20 + STROKE, 9 + STROKE, 200 * STROKE
 PAIR = {"t": TIME, "p1": P1, "p2": P2, "x": X}
+SCALED = {
+    "t": "t (2ms)|t_0.1ms|t (x2 s)|time 1/1000 s|Zeit in 10 ms",
+    "p1": "10*p_A [bar]|p_Ax10 [bar]|p_A [bar] (scale 0.5)|p_A (0.1bar)|p_A (kPa*100)|p_A [bar] *10|p_A (bar, x10)",
+    "x": "s_2mm|s_mm_x2",
+}
+
+
+@pytest.mark.parametrize(("name", "key"), [(name, key) for key, names in SCALED.items() for name in names.split("|")])
+def test_a_factor_in_a_name_makes_a_unit_that_is_not_known(name: str, key: str) -> None:
+    text = text_of({name if own == key else own: values for own, values in PAIR.items()})
+    assert f"{name!r} states the unit " in text
+
+
 TWO_CYLINDERS = {"t_s": TIME} | {
     f"{name}_{channel}": number * values
     for number, name in ((1, "main"), (2, "jib"))
@@ -217,8 +232,9 @@ def test_of_clocks_and_channels_in_turn_each_channel_has_the_one_beside_it(turne
     assert [entry.get("time") for entry in channels_of(text).values()] == [None, None, "t2 [s]", "t3 [s]"]
     assert "AMBIGUOUS: " not in text
     del in_turn[0 if turned else -2]  # one channel has no clock beside it
-    with pytest.raises(RecordingError, match="are two clocks that differ, and nothing shows which one stamps"):
-        text_of(dict(in_turn))
+    for channels in (in_turn, [in_turn[each] for each in (1, 0, 3, 2, 4)]):  # clocks behind their channels, too
+        with pytest.raises(RecordingError, match="are two clocks that differ, and nothing shows which one stamps"):
+            text_of(dict(channels))
 
 
 @pytest.mark.parametrize("name", ["t", "p1", "x", "Value", "p_supply"])

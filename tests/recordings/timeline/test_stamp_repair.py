@@ -42,13 +42,6 @@ def back(row: int, by_s: float) -> Damage:
     return lambda time_s: np.where(np.arange(ROWS) < row, time_s, time_s - by_s)
 
 
-def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
-    time_s = good()
-    time_s[200:] = np.nan
-    ordered = order_stamps(time_s, np.isnan(time_s))
-    assert (len(ordered.time_s), ordered.repairs) == (200, ())
-
-
 @pytest.mark.parametrize(("by_s", "hour"), [(3600.0, ", an hour back: the end of summer time"), (7200.0, ")")])
 def test_a_clock_set_back_by_an_hour_is_named(by_s: float, hour: str) -> None:
     (repair,) = order_stamps(back(200, by_s)(good()), np.zeros(ROWS, dtype=np.bool_)).repairs

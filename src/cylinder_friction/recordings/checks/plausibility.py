@@ -25,10 +25,8 @@ from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITI
 HALF_WINDOW_S = 0.05  # Half the time over which velocity is computed as a difference [s]
 ROWS = 5_000  # Most rows used, evenly spread; more do not make the result more certain
 FEWEST_ROWS = 20  # Fewest rows of clear motion in each direction
-SURE = 3.0
-"""A mean differs from zero if it is this many standard errors away. Strokes count as independent, rows do not."""
-BETTER = 2.0
-"""Least ratio of residuals at which the hypothesis with the smaller one is preferred; 3 without further evidence."""
+SURE = 3.0  # A mean differs from zero beyond this many standard errors. Strokes count as independent, rows do not
+BETTER = 2.0  # Least ratio of residuals at which the smaller one's hypothesis is preferred; 3 without further evidence
 LEAST_OVERLAP = 0.2
 """Least share of the variance of direction that position does not explain. Below it, the two are inseparable."""
 NEGLIGIBLE = 1e-7  # Least size of a combination of terms that rows determine, as a share of the largest one
@@ -74,7 +72,6 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
 
     A recording is refused only if friction clearly drives the motion, or if forces balance far better with signals
     swapped or inverted. A finding that an unstated load or offset could explain is only noted.
-    ``columns`` are uniformly sampled, in SI units, without NaN.
     """
     rows, direction = _clear_motion(columns[POSITION], sample_time_s, limits.cylinder.stroke_m)
     shape = _position_terms(columns[POSITION][rows])
@@ -97,9 +94,9 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
     a1, a2 = limits.cylinder.piston_area_m2, limits.cylinder.annulus_area_m2
     p1, p2 = (columns[name][rows] for name in PRESSURES)
     drive_n, exchanged_n = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
-    forces = drive_n - load_n, exchanged_n - load_n, drive_n + load_n, (p1 - p2) * a2, drive_n
-    as_is, swapped, turned, alike, whole = _balances(direction, shape, *forces)
-    findings = _computed_load(whole, as_is, turned, limits) or _inverted_load(as_is, turned, limits)
+    forces = drive_n - load_n, exchanged_n - load_n, drive_n + load_n, (p1 - p2) * a2
+    as_is, swapped, turned, alike = _balances(direction, shape, *forces)
+    findings = _computed_load(direction, shape, drive_n, load_n, limits) or _inverted_load(as_is, turned, limits)
     findings = findings or _direction(as_is, swapped, limits)
     if any(each.outcome == "refused" for each in findings):
         return findings
@@ -170,16 +167,23 @@ def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
     ]
 
 
-def _computed_load(whole: Balance, as_is: Balance, turned: Balance, limits: CheckLimits) -> list[Finding]:
-    """Refuse a load that is the pressures' own force, of either sign, as loggers compute it: no friction is left."""
-    left_n = min(abs(as_is.friction_n), abs(turned.friction_n))
-    none_left = left_n < min(LEAST_N_MM * _seal_mm(limits.cylinder), COMPUTED * whole.friction_n)
-    if limits.load != "measured" or limits.stated_load or not none_left:
+def _computed_load(direction: Array, shape: Array, drive_n: Array, load_n: Array, limits: CheckLimits) -> list[Finding]:
+    """Refuse a load that is a multiple of the pressures' own force, as loggers compute it: no friction is left.
+
+    Only a computed force has the noise of the pressures too, which tells its share of their force from friction.
+    """
+    if limits.load != "measured" or limits.stated_load:
+        return []
+    own, drive, load = (_beyond(shape, each) for each in (direction, drive_n, load_n))
+    (share, left_n), *_ = np.linalg.lstsq(np.column_stack([drive, own]), load)
+    friction_n = float(own @ drive / (own @ own))
+    least_n = min(LEAST_N_MM * _seal_mm(limits.cylinder), COMPUTED * abs(share * friction_n))
+    if abs(left_n) >= least_n or abs(share) < 0.5:
         return []
     text = (
-        f"the mapped {LOAD_FORCE} leaves {left_n:.3g} of {whole.friction_n:.3g} N of friction: it is a force computed "
-        "from the pressures, not that of a load cell; leave it out of the mapping, or, if no mapping was given, state "
-        "--load none"
+        f"the mapped {LOAD_FORCE} is {share:.3g} times the force of the pressures, with its {friction_n:.3g} N of "
+        "friction: it is a force computed from the pressures, not that of a load cell; leave it out of the mapping, "
+        "or, if no mapping was given, state --load none"
     )
     return [Finding("direction", "refused", text)]
 

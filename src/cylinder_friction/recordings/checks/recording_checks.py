@@ -24,8 +24,7 @@ RATE_TOLERANCE = 1e-3  # Largest error of a logger's clock, as a share of its ra
 LOWEST_PRESSURE_PA = -2e5  # Lowest credible gauge pressure: vacuum and a sensor's offset [Pa]
 POSITION_SLACK = 0.05  # Largest reading of position beyond the stroke, as a share of the stroke
 STUCK_TRAVEL = 0.25  # Travel, as a share of the stroke, beyond which an exactly constant sensor is stuck
-LEAST_SPANS = {"pressure": 1e3, "force": 1e-3}
-"""Least change of a live sensor on a moving cylinder [Pa, N]."""
+LEAST_SPANS = {"pressure": 1e3, "force": 1e-3}  # Least change of a live sensor on a moving cylinder [Pa, N]
 NOISY_SHARE = 0.25  # Share of rows with a change from which on a sensor shows noise and never stays constant for long
 NEXT_STEP = 1.5  # Largest distance of neighbouring values, in converter steps
 NOISE, STROKES = 12.0, 2e-3
@@ -47,6 +46,9 @@ NOISY_S, NOISIER, FAINT = 0.5, 20.0, 1e-3
 """Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
 share of the stroke."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
+FEWEST_HOLDS, EVEN_HOLDS, LARGE_STEPS = 20, 0.75, 0.1
+"""Of a signal that is refreshed less often than it is logged: fewest refreshes, least share at the usual distance, and
+least share of steps above the smallest one, because slow motion passes the steps of a converter as evenly."""
 
 
 def checked_recording(piece: Recording, limits: CheckLimits) -> Recording:
@@ -97,10 +99,7 @@ class _Survey:
 
 
 def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
-    """Compute the share of each constant stretch that the converter's step does not explain, shape ``(m,)``.
-
-    The share is 0 between two neighbouring steps, and 1/2 at an end of the recording, whose next value is not known.
-    """
+    """Compute the share of each constant stretch that the step does not explain: 1/2 at an end of the recording."""
     start, end, last = runs[:, 0], runs[:, 1], len(values) - 1
     before, behind = (np.abs(values[at] - values[start]) for at in (np.maximum(start - 1, 0), np.minimum(end, last)))
     explained = (step > 0.0) & (np.maximum(before, behind) <= NEXT_STEP * step)
@@ -109,10 +108,7 @@ def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
 
 
 def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
-    """Yield everything that is wrong with the complete columns of a piece, which has at least 3 rows without NaN.
-
-    ``direction`` and ``friction_size`` are checked only if the signals have passed the other checks.
-    """
+    """Yield everything wrong with the complete columns of a piece; the direction only if the rest is in order."""
     rows, least_s, least_hz = len(columns[POSITION]), limits.minimum_duration_s, limits.minimum_rate_hz
     duration_s, rate_hz = rows * sample_time_s, 1.0 / sample_time_s
     if duration_s < least_s:
@@ -132,7 +128,7 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
         for name, values in columns.items()
         if name not in (TIME, OIL_TEMPERATURE)
     }
-    findings = [*_of_position(columns, seen, limits)]
+    findings = [*_of_refreshes(columns, rate_hz, least_hz), *_of_position(columns, seen, limits)]
     if DRIVE_FORCE in columns:
         findings += _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits)
     else:
@@ -142,6 +138,32 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
     yield from findings
     if all(finding.outcome != "refused" for finding in findings):
         yield from check_friction(columns, sample_time_s, limits)
+
+
+def _of_refreshes(columns: Columns, rate_hz: float, least_hz: float) -> Iterator[Finding]:
+    """Refuse signals that are logged at a sufficient rate, but hold each sample of their sensor for too many rows."""
+    rows = {name: rows_per_refresh(columns[name]) for name in (POSITION, *PRESSURES, DRIVE_FORCE) if name in columns}
+    held = {name: each for name, each in rows.items() if rate_hz < (1.0 - RATE_TOLERANCE) * least_hz * each}
+    if held and rate_hz >= (1.0 - RATE_TOLERANCE) * least_hz:
+        most = max(held.values())
+        text = (
+            f"new values of {', '.join(held)} come only every {most:.3g} rows, at {rate_hz / most:.3g} Hz, in rows of "
+            f"{rate_hz:.4g} Hz: each sample is held until the next; expected at least {least_hz:.4g} Hz; let sensor, "
+            "bus or controller refresh it faster"
+        )
+        yield Finding("refresh", "refused", text)
+
+
+def rows_per_refresh(values: Array) -> float:
+    """Find after how many rows a held signal changes; 0 if it is not held. Rows between two samples may be between."""
+    changes = np.diff(values) != 0.0
+    at = np.flatnonzero(changes & ~np.append(False, changes[:-1]))
+    distances, steps = np.diff(at), np.abs(np.diff(values[at]))
+    if len(distances) < FEWEST_HOLDS or not steps.any():
+        return 0.0
+    usual = distances[np.abs(distances - np.median(distances)) <= 1.0]
+    large = np.mean(steps > 1.5 * steps[steps > 0.0].min())
+    return float(usual.mean()) if len(usual) >= EVEN_HOLDS * len(distances) and large >= LARGE_STEPS else 0.0
 
 
 def _of_position(columns: Columns, of_columns: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
@@ -267,10 +289,7 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
 
 
 def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
-    """Name stretches of ``rows`` rows with far more noise than the quietest ones; empty if there are none.
-
-    Fourth differences remove most of a motion. Those of noise change their sign at most samples.
-    """
+    """Name stretches of ``rows`` rows whose fourth differences have far more noise than the quietest ones have."""
     change_m = np.round(np.diff(x_m, 4), 9)  # without what floating-point numbers add to a coarse converter
     stretches_m = change_m[: len(change_m) // rows * rows].reshape(-1, rows)
     level_m = np.median(np.abs(stretches_m), axis=1)
@@ -319,10 +338,7 @@ def _height(x_m: Array, first: int, last: int, line: int) -> float:
 
 
 def _still(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
-    """State if the position is exactly constant for ``rows`` rows or more, although the sensor has noise elsewhere.
-
-    Noise goes up and down at almost every sample; converter steps and motion do not.
-    """
+    """State if the position is constant for ``rows`` rows or more, although its noise goes up and down elsewhere."""
     steps_m = np.diff(x_m)
     stretches_m = steps_m[: len(steps_m) // rows * rows].reshape(-1, rows)
     up, down = (stretches_m > 0.0).mean(axis=1), (stretches_m < 0.0).mean(axis=1)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask, true_runs
 from cylinder_friction.recordings.checks.limits import spoken
+from cylinder_friction.recordings.columns import QUANTITIES
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
 
@@ -40,6 +41,7 @@ MOST_BAD, FEW_ROWS, LONGEST_BAD = 1e-3, 5, 10
 SPIKE_NOISE, SPIKE_RANGE, SPIKE_STEPS, SPIKE_JUMP = 12.0, 0.03, 5.0, 0.7
 """Least height of a spike: a multiple of a sample's usual distance from its neighbours, a share of the signal's range,
 and a number of converter steps; least share of this height by which a spike's first sample jumps."""
+CREDIBLE_PA = (-2e5, 7e7)  # Beyond these pressures, a value that repeats marks missing samples [Pa]
 PLACES = 4096  # Most samples from which a signal's own scale is estimated
 BESIDE = 5  # Number of samples on either side that a sample is compared with
 MOST_ODD = 3  # Most odd samples among these 11: four in a row are an event, not a spike
@@ -51,13 +53,14 @@ def screen_signals(
 ) -> tuple[dict[str, Signal], tuple[str, ...]]:
     """Replace bad samples by NaN; return the signals, and one sentence per column and kind of bad sample.
 
-    A signal without a bad sample is returned as the same object. Missing samples stay missing. Without ``limits``, only
-    spikes and infinities are found. A position sensor may rest at the end of its range if that is the end of the
-    stroke.
+    A signal without a bad sample is returned as the same object. A sensor without ``limits`` has no range. A position
+    sensor may rest at the end of its range if that is the end of the stroke.
     """
     screened, notes = dict(signals), list[str]()
     for column, signal in signals.items():
-        sensor, missing = limits.get(column), np.isnan(signal.values)
+        sensor = limits.get(column)
+        signal, coded = _without_codes(column, signal, sensor, stroke_m)
+        screened[column], notes, missing = signal, [*notes, *coded], np.isnan(signal.values)
         logged = signal.values[~missing] if missing.any() else signal.values
         kinds = _bad_samples(logged, sensor, *_ends(column, sensor, stroke_m))
         if kinds:
@@ -67,6 +70,25 @@ def screen_signals(
                 values[rows[bad]] = np.nan
             screened[column] = replace(signal, values=values)
     return screened, tuple(notes)
+
+
+def _without_codes(
+    column: str, signal: Signal, sensor: SensorLimits | None, stroke_m: float
+) -> tuple[Signal, list[str]]:
+    """Replace one value by NaN, such as -9999, if it repeats far beyond all others and beyond what a sensor reads."""
+    values, notes = signal.values, list[str]()
+    low, high = {"pressure": CREDIBLE_PA, "length": (-stroke_m, 2.0 * stroke_m)}.get(QUANTITIES[column], (0.0, 0.0))
+    if sensor is not None:
+        low, high = 2.0 * sensor.low - sensor.high, 2.0 * sensor.high - sensor.low
+    for code in (np.fmin.reduce(values), np.fmax.reduce(values)) if high > low and len(values) else ():
+        coded, others = values == code, values[(values != code) & np.isfinite(values)]
+        beyond = math.isfinite(code) and not low <= code <= high
+        if beyond and coded.sum() > 1 and len(others) and np.abs(others - code).min() > np.ptp(others):
+            where = f"in {coded.sum()} rows (first: row {int(np.argmax(coded)) + 1})"
+            why = "which no sensor reads: a mark of missing samples, or a broken wire"
+            notes.append(f"{column} is {spoken(column, code)} {where}, {why}; taken as missing")
+            values = np.where(coded, np.nan, values)
+    return (replace(signal, values=values) if notes else signal), notes
 
 
 def _bad_samples(values: Array, sensor: SensorLimits | None, low_end: float, high_end: float) -> dict[str, Mask]:
@@ -133,8 +155,8 @@ def _ends(column: str, sensor: SensorLimits | None, stroke_m: float) -> tuple[fl
 def _spike_height(values: Array, step: float | None) -> float:
     """Estimate how far a spike lies from its neighbours at least, from samples spread over the signal.
 
-    Bad samples do not affect the estimate, because it uses quantiles: the 95 % quantile of a sample's distance from its
-    two neighbours, and the range without 1 % at either end.
+    It uses quantiles, which bad samples do not affect: 95 % of a sample's distance from its neighbours, and the range
+    without 1 % at either end.
     """
     if len(values) < 2 * BESIDE + 1:
         return math.inf

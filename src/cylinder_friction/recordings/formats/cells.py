@@ -154,9 +154,8 @@ def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
 def stamps_of(text: Any, name: str) -> CellValues | None:
     """Convert dates to ``datetime64[ns]``, and times of day or minutes and seconds (15:00.1) to seconds.
 
-    A null becomes NaT or NaN. None for cells of any other form. In dates with dots the day comes first. In dates with
-    slashes, the first row that can only be read one way decides for the column. Stamps with a time zone are converted
-    to UTC; letters such as CET name no zone for certain.
+    None for cells of any other form. In dates with dots the day comes first; with slashes, the first row that can only
+    be read one way decides. Stamps with a time zone are converted to UTC; letters such as CET name none for certain.
     """
     for pattern in _STAMPS:
         if (found := _fields(text, pattern)) is None:
@@ -231,13 +230,16 @@ def _instants(fields: dict[str, Any]) -> Any | None:
 _KEY = re.compile(
     r"(?:(?:test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)?"
     r"(?:start|begin|beginn|date|datum|time|zeit|uhrzeit|timestamp|(?:start|date)(?:date|time|timestamp|zeit|datum)))"
-    r"|started|recorded(?:at)?|starttimeofexport"
+    r"|started|recorded(?:at)?|starttimeofexport|t0"
 )
 """Words before a start in a header, in lower case, letters only."""
-_LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
+_LINE = re.compile(r"^[\s#%;\"*/]*(T0|[^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
 _SPAN = re.compile(r"(test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)(time|zeit)")
 """Words before a duration, or before a time of day if the date has the same first word."""
 _DATE = re.compile(rf"(?<!\d){DATE}(?!\d)")
+_AMID = re.compile(
+    rf"\b(?:log|sec)\s+(?={DATE} \d)", re.IGNORECASE
+)  # PuTTY log 2026.03.14 08:15; Time: 1.5 Sec 3/14/2026
 _COUNT = re.compile(r"[=\s\"]*(\d{5,18}(?:[.,]\d+)?)(?![\w.:/-]|,\d)")
 _CLOCK = re.compile(rf"(?<!\d)(?P<time>{TIME_OF_DAY})(?: ?(?P<zone>{ZONE}))?(?: ?(?P<letters>[A-Z]{{2,4}}[TZ])\b)?")
 
@@ -245,9 +247,8 @@ _CLOCK = re.compile(rf"(?<!\d)(?P<time>{TIME_OF_DAY})(?: ?(?P<zone>{ZONE}))?(?: 
 def start_in_header(lines: list[str]) -> Start | None:
     """Read the start in the lines above a text table's rows; None without an unambiguous date.
 
-    It reads lines such as ``Start time: 2026-03-27 10:15:00``, a date and a time of day on separate lines, and numbers:
-    the FILETIME of the TwinCAT Scope, seconds since 1970, days of Excel (which have a fraction). A time of 00:00:00 is
-    that of a date alone, as spreadsheets write it.
+    It reads ``Start time: 2026-03-27 10:15:00``, a date and a time of day on separate lines, and numbers: FILETIME,
+    seconds since 1970, days of Excel (with a fraction). 00:00:00 is a date alone, as spreadsheets write it.
     """
     stated = list[tuple[str, str, str]]()
     for line in lines:
@@ -256,6 +257,8 @@ def start_in_header(lines: list[str]) -> Start | None:
         if found and _KEY.fullmatch(key := re.sub(r"[\W_]", "", name).casefold()):
             utc = " UTC" if zone.upper().startswith(("UTC", "GMT")) else ""
             stated.append((key, re.sub("[()]", "", found[2]) + utc, f"header line {line.strip()[:60]!r}"))
+        elif amid := _AMID.search(line):
+            stated.append(("start", line[amid.end() :], f"header line {line.strip()[:60]!r}"))
     for key, text, where in stated:
         if count := _COUNT.match(text):
             number = int(count[1]) if count[1].isdecimal() else float(count[1].replace(",", "."))
@@ -354,10 +357,7 @@ def _part_ns(name: str) -> int:
 
 
 def names_to_read(names: Iterable[str], wanted: Collection[str] | None) -> set[str]:
-    """Choose the channels of a table to read: those wanted (None: all), and with them all that may be time.
-
-    What may be time is a part of a stamp (dates, times of day, milliseconds), or must not contradict the clock.
-    """
+    """Choose the channels of a table to read: those wanted (None: all), and with them all that may be time."""
     there = set(names)
     if wanted is None or there.isdisjoint(wanted):
         return there if wanted is None else set()
@@ -401,20 +401,27 @@ def _with_parts(table: LoggedTable, wanted: Collection[str]) -> LoggedTable:
         for name, own in numbers.items()
         if own.dtype.kind in "iuf" and ((own >= 0) & (own < 1e9 / _part_ns(name)) & (own % 1 == 0)).all()
     }
-    whole = [name for name in names if parts and name not in parts and _whole_seconds(table, name)]
-    if len(parts) != 1 or len(whole) != 1:
+    if len(parts) != 1:
         return table
     ((part, late_ns),) = parts.items()
+    whole = [name for name in names if name != part and _whole_seconds(table, name, late_ns)]
+    if len(whole) != 1:
+        return table
     seconds = table.channels[whole[0]].to_numpy()
-    stamps = seconds + (late_ns.astype("timedelta64[ns]") if seconds.dtype.kind == "M" else 1e-9 * late_ns)
-    joined = table.channels.assign(**{whole[0]: stamps}).drop(columns=part)
-    return replace(table, channels=joined) if way_of(stamps) else table
+    dated = seconds.dtype.kind == "M"
+    stamps = seconds + (late_ns.astype("timedelta64[ns]") if dated else 1e-9 * late_ns)
+    joined, units = table.channels.assign(**{whole[0]: stamps}).drop(columns=part), {} if dated else {whole[0]: "s"}
+    return replace(table, channels=joined, units={**table.units, **units}) if way_of(stamps) else table
 
 
-def _whole_seconds(table: LoggedTable, name: str) -> bool:
+def _whole_seconds(table: LoggedTable, name: str, late_ns: NDArray[np.int64]) -> bool:
+    """Check whether a column is stamps of whole seconds; one without a unit steps where the part begins anew."""
     stamps, unit = table.channels[name].to_numpy(), table.units.get(name) or words_of(name).unit
-    timed = stamps.dtype.kind == "M" or (stamps.dtype.kind in "iuf" and conversion(unit, "time") == (1.0, 0.0))
-    return timed and _known(stamps, 1) and not _known(stamps, DAY_S)
+    if stamps.dtype.kind not in "Miuf" or not _known(stamps, 1) or _known(stamps, DAY_S):
+        return False
+    bare = not unit and words_of(name).quantity == "time"
+    in_step = bare and (anew := np.diff(late_ns) < 0).any() and np.array_equal(np.diff(stamps) > 0, anew)
+    return bool(stamps.dtype.kind == "M" or conversion(unit, "time") == (1.0, 0.0) or in_step)
 
 
 def on_its_day(found: Columns, start: Start | None, dated: Collection[str] | None) -> Columns:
@@ -471,10 +478,7 @@ def with_dates(table: LoggedTable, stated: Mapping[str, str]) -> LoggedTable:
 
 
 def oldest_first(table: LoggedTable) -> LoggedTable:
-    """Reverse a table that was written newest row first, and add a note.
-
-    A table is reversed if a column of dates or one named time falls, and none rises.
-    """
+    """Reverse a table whose column of dates, or named time, falls while none rises, and add a note."""
     ways = [
         way_of(values.to_numpy())
         for name, values in table.channels.items()

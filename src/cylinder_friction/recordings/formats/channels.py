@@ -17,16 +17,13 @@ from cylinder_friction.recordings.recording import RecordingError
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of a file, named by its path in it. ``read`` loads its values, shape ``(length,)``.
-
-    ``sample_time_s`` is the sample time that the file states instead of a time channel [s].
-    """
+    """One channel of a file, named by its path in it. ``read`` loads its values, shape ``(length,)``."""
 
     name: str
     length: int
     read: Callable[[], NDArray[Any]]
     unit: str = ""
-    sample_time_s: float | None = None
+    sample_time_s: float | None = None  # That the file states instead of a time channel [s]
 
 
 @dataclass
@@ -47,8 +44,7 @@ def unit_among(properties: Mapping[str, Any]) -> str:
 def channels_of(name: str, values: Any, unit: str = "") -> list[Channel]:
     """List the channels of an array, or of a dataset, which is then read channel by channel.
 
-    A row or column vector is one channel. A matrix gives the channels name_1, name_2, ...; its longer side is time. An
-    array with fewer than two values or more than two axes gives no channel.
+    A vector is one channel. A matrix gives name_1, name_2, ...; its longer side is time. Other arrays give none.
     """
     shape: tuple[int, ...] = values.shape
     if max(shape, default=0) < 2 or 0 in shape or len(shape) > 2:

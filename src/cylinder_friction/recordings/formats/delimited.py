@@ -30,7 +30,6 @@ from cylinder_friction.recordings.formats.cells import (
 from cylinder_friction.recordings.formats.format import (
     AUTOMATIC,
     HEAD_SIZE,
-    MOST_INDIVISIBLE,
     Column,
     CsvOptions,
     FileSource,
@@ -51,6 +50,9 @@ _LARGEST_HEAD = 64 * HEAD_SIZE
 _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 _UNIT_WORD = re.compile("unit|einheit", re.IGNORECASE)
 """In the first cell of a line of units, such as 'Unit', 'Vertical Units', 'Y_Unit_Label'."""
+_TYPE = re.compile(r"([fiu]|u?s?l?(int|real)|float|double|bool|string|text|date|time|datetime)\d*(\(.*\))?", re.I)
+"""A type below a name, as ClickHouse (``Float32``), INCA (``f8``) and PLCs (``LREAL``) write it."""
+MOST_LINES, FEWEST_VALUES = 100, 1000  # Most lines of a table with a channel per line, and fewest cells of such a line
 STEP_KEYS = ("delta_x", "hresolution")  # Words before a sample time [s], in lower case
 SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
 
@@ -71,13 +73,7 @@ def read_delimited(
     start, rate_hz = start_in_header(header), rate_in_header(header, layout.delimiter)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
     parts, repeated = 1 if rows is None else max(1, round(size / row_size / rows)), repeated_names(layout.names)
-    if parts > 1 and repeated and source.size > MOST_INDIVISIBLE:
-        raise RecordingError(
-            f"is too large to be read whole ({source.size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} MB), and "
-            f"its columns of one name ({', '.join(sorted(repeated))}) end at rows of their own, so that it cannot be "
-            "read in parts; export it with one time column, or split it"
-        )
-    parts = 1 if repeated else parts
+    parts = 1 if repeated else parts  # they may end at rows of their own
     step, bounds = -(-size // parts), [begin]
     while bounds[-1] < text.end:
         bounds.append(_line_end(text, bounds[-1] + step))
@@ -205,8 +201,7 @@ class _Rows:
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
     """Make a table ``group 1``, ... for each time column of a ``repeated`` name; without one, make a single table.
 
-    Time columns have rising stamps, or are empty because their channels have no samples. A group ends with its last row
-    that is not empty.
+    Time columns rise, or are empty because their channels have no samples. A group ends with its last row not empty.
     """
     names = [name for name, _ in columns]
     found = {name: [own for other, own in columns if other == name and not pd.isna(own).all()] for name in repeated}
@@ -222,10 +217,7 @@ def split_groups(columns: list[Column], units: dict[str, str], repeated: Collect
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """Split a line into cells, and strip blanks and quotation marks.
-
-    With the delimiter ``whitespace``, a unit in brackets stays with the name before it.
-    """
+    """Split a line into cells without blanks and quotation marks; between blanks, a unit stays with its name."""
     line = line.rstrip("\r\n")
     if delimiter == "whitespace":
         return [token.strip('"') for token in _TOKEN.findall(line)]
@@ -261,11 +253,19 @@ class _Grid:
         """Whether every row ends with a delimiter; its last cell is then a channel only if it has a name."""
         return self.width > 1 and not any(row[-1] for row in self.rows if len(row) == self.width)
 
+    @cached_property
+    def numbered(self) -> bool:
+        """Whether the first column counts the rows, as R writes it without a name."""
+        counts = [row[0] for row in self.rows if len(row) == self.width]
+        return len(counts) > 2 and all(
+            one.isdecimal() and other == str(int(one) + 1) for one, other in pairwise(counts)
+        )
+
     def is_heading(self, cells: list[str]) -> bool:
-        """Check whether a line has a cell for each column, lacks the last one, or has LabVIEW's comments behind it."""
+        """Check whether a line has a cell for each column, lacks one without a name, or has LabVIEW's comments."""
         more = len(cells) - self.width
         comment = more == 1 and cells[-1].casefold() in ("", "comment")
-        return more == 0 or comment or (more == -1 and self.trailing)
+        return more == 0 or comment or (more == -1 and (self.trailing or self.numbered))
 
     def is_row(self, cells: list[str]) -> bool:
         """Check whether every numeric column has a value or is empty, and at least one has a value."""
@@ -281,6 +281,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
+    _refuse_line_per_channel([lines[index] for index in content], delimiters)
     lines = _rows_padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
     looked_at = [lines[index] for index in content[-LOOKED_AT:]]
@@ -298,6 +299,19 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     first = _first_row(grid, lines, content)
     names, units = _names_and_units(lines[:first], grid, options.header)
     return Layout(grid.delimiter, decimal or _decimal(grid), names, units, first)
+
+
+def _refuse_line_per_channel(lines: list[str], delimiters: Collection[str]) -> None:
+    """Refuse a table that lies on its side: few lines, each a name and very many values."""
+    for delimiter in delimiters if len(lines) <= MOST_LINES else ():
+        rows = [split_cells(line, delimiter) for line in lines[-3:]]
+        sideways = (len(row) >= FEWEST_VALUES and not is_value(row[0], None) for row in rows)
+        if len(rows) > 1 and all(sideways) and all(is_value(cell, None) for row in rows for cell in row[-3:-1]):
+            raise RecordingError(
+                f"holds one line per channel, as {rows[-1][0]!r} with {len(rows[-1]) - 1} values; expected one column "
+                "per channel and one line per sample; transpose it, in Python pandas.read_csv(..., header=None, "
+                "index_col=0).T.to_csv('log.csv', index=False)"
+            )
 
 
 def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None:
@@ -369,10 +383,7 @@ def _decimal(grid: _Grid) -> str | None:
 
 
 def _units_in_line(cells: list[str]) -> list[str] | None:
-    """Read the units of a line that consists mostly of units; None for another line.
-
-    An empty cell, and a cell without a unit such as ``NO.`` above row numbers, give the unit ''.
-    """
+    """Read the units of a line that consists mostly of units, '' for a cell without one; None for other lines."""
     units, others = [], 0
     for cell in cells:
         text = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
@@ -383,22 +394,21 @@ def _units_in_line(cells: list[str]) -> list[str] | None:
 
 
 def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str], dict[str, str]]:
-    """Find channels and their units in the lines above the first row; ``mode`` is ``CsvOptions.header``.
-
-    A line of names has a cell for each column, or lacks the last one. An empty last column after a delimiter at the end
-    of each row is named ''.
-    """
+    """Find channels and units in the lines above the first row; ``mode`` is ``CsvOptions.header``."""
     block: list[list[str]] = []
     for line in reversed([line for line in above if line.strip() and not line.startswith("***")]):
         comment = line.lstrip().startswith(("#", "%", "//"))
         cells = split_cells(line.lstrip("#%/ ") if comment else line, grid.delimiter)
+        if grid.width > 1 and all(_TYPE.fullmatch(cell) for cell in cells if cell):
+            continue
         if not grid.is_heading(cells) or (grid.width == 1 and block):
             break
         block.insert(0, cells)
     pairs = reversed(list(pairwise(block)))
     stated = ((names, units) for names, line in pairs if (units := _units_in_line(line)) and not _units_in_line(names))
     # If the line of units has a heading, such as Unit, the names may be below it, and other such lines around it.
-    headed = next((units for line in block if _UNIT_WORD.search(line[0]) and (units := _units_in_line(line))), None)
+    headings = (_units_in_line(line) for line in block if _UNIT_WORD.search(line[0]))
+    headed = max(filter(None, headings), key=lambda units: sum(map(bool, units)), default=None)
     plain = [cells for cells in block if not _units_in_line(cells) and all(map(str.__ne__, cells, cells[1:]))]
     plain = [cells for cells in plain if not any(is_value(cell, None) for cell in cells)]
     if not block:
@@ -411,7 +421,8 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
         cells, units = plain[-1], headed
     else:
         cells, units = next(stated, (block[-1], None))
-    cells = [*cells, *[""] * grid.width][: grid.width]
+    unnamed = grid.numbered and not grid.trailing and len(cells) == grid.width - 1
+    cells = [*[""] * unnamed, *cells, *[""] * grid.width][: grid.width]
     names = [name or f"column_{index}" for index, name in enumerate(cells, start=1)]
     if grid.trailing and not cells[-1]:
         names[-1] = ""
@@ -420,11 +431,7 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
 
 
 def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str]] | None:
-    """Find the channels of a TwinCAT Scope and their units, which it writes as ``V (Voltage)``.
-
-    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column. Time
-    is in ms. Lines such as SymbolName;...;SymbolName;... may follow.
-    """
+    """Find channels and units (``V (Voltage)``) of a TwinCAT Scope: ``Name;p1;p2;Name;x``, where Name is ms."""
     if not any("Starttime of export" in line for line in above):
         return None
     rows = [cells for line in above if len(cells := split_cells(line, grid.delimiter)) == grid.width]
@@ -463,5 +470,4 @@ def _padded(line: str, delimiter: str, width: int) -> str:
     return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :]
 
 
-FORMAT = Format("csv", "a text table", read_delimited, ("csv", "rows"))
-"""Any text table."""
+FORMAT = Format("csv", "a text table", read_delimited, ("csv", "rows"))  # Any text table

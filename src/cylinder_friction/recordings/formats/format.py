@@ -27,8 +27,7 @@ from cylinder_friction.extras import not_installed
 from cylinder_friction.recordings.recording import RecordingError, Start, expect
 from cylinder_friction.wording import in_brief
 
-Column = tuple[str, NDArray[Any]]
-"""A channel's name and values."""
+Column = tuple[str, NDArray[Any]]  # A channel's name and values
 
 
 @dataclass(frozen=True)
@@ -110,6 +109,9 @@ MOST_INDIVISIBLE = 256 * 10**6  # Largest text that is read whole if it cannot b
 MOST_UNPACKED = 500 * 10**6  # Largest gzipped file that is read, unpacked in memory [bytes]
 GZIP = b"\x1f\x8b"
 _TAIL = 1 << 16
+_HANZI = rb"[\xa1-\xf7][\xa1-\xfe]"
+_GBK = re.compile(rb"(?=.*%b%b)(?:[\x00-\x7f]|%b)*[\xa1-\xf7]?" % ((_HANZI,) * 3), re.DOTALL)
+"""A Chinese text, which no cp1252 text is: letters beyond ASCII come in pairs, and two pairs in a row."""
 _BLOCK = 1 << 20  # Bytes that are read at once
 _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -186,7 +188,7 @@ def open_text(source: FileSource, encoding: str) -> Text:
 
     A last line without a line end is left out, because its last number may be cut off. Zero bytes that a logger leaves
     when it loses power are left out, too. ``notes`` reports both. ``auto`` takes the encoding from the byte order mark;
-    without one it is UTF-8, or cp1252 if the first character beyond ASCII is not UTF-8.
+    without one it is UTF-8, or GB 18030 or cp1252 if the first character beyond ASCII is not UTF-8.
     """
     mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
     named = BYTE_ORDER_MARKS.get(mark, "utf-8") if encoding == "auto" else encoding
@@ -204,7 +206,7 @@ def open_text(source: FileSource, encoding: str) -> Text:
         text = source.all_bytes.decode(named, errors="replace" if named == "cp1252" else "strict")
     except UnicodeDecodeError as error:
         if encoding == "auto" and not mark and (source.head.isascii() or error.start < len(source.head)):
-            return open_text(source, "cp1252")
+            return open_text(source, "gb18030" if _GBK.fullmatch(source.head) else "cp1252")
         raise RecordingError(
             f"its characters are not {named.upper()}: {error.reason} at byte {error.start}; name the right encoding, "
             "such as csv: {encoding: cp1252} in the mapping, or save it as UTF-8"

@@ -25,9 +25,8 @@ _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_inter
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Read one table per compound dataset, and one of all other datasets of equal length.
 
-    A dataset's name is its path, such as ``pressures/P1``. Its attribute ``unit`` or ``units`` states its unit. If the
-    channels include no time, a channel ``time`` is made from a sampling rate [Hz] or sample time [s] that the dataset,
-    its group or the file states as an attribute.
+    A dataset's name is its path, such as ``pressures/P1``. If the channels include no time, a channel ``time`` is made
+    from a sampling rate [Hz] or sample time [s] that the dataset, its group or the file states as an attribute.
     """
     import h5py
 

@@ -19,8 +19,7 @@ from cylinder_friction.recordings.recording import RecordingError
 if sys.platform != "win32":
     import resource
 
-LIMIT_S, LIMIT_PER_BYTE_S = 60.0, 1.0 / 2e6
-"""Time limit for an empty file [s], and additional time per byte [s]."""
+LIMIT_S, LIMIT_PER_BYTE_S = 60.0, 1.0 / 2e6  # Time limit for an empty file [s], and additional time per byte [s]
 LIMIT_BYTES, LIMIT_BYTES_PER_BYTE = 4 << 30, 50
 """Memory limit for an empty file [bytes], and additional bytes per byte of the file."""
 
@@ -47,10 +46,7 @@ def _reader() -> ProcessPoolExecutor:
 
 
 def read_isolated(path: Path, of: Format, read: Callable[..., list[LoggedTable]]) -> list[LoggedTable]:
-    """Read a file's tables; ``read`` is the format's reader with all arguments but the source.
-
-    In a daemon, which may not start processes, the file is read in the same process.
-    """
+    """Read a file's tables by its format's reader; in a daemon, which may not start processes, in this process."""
     size, path = path.stat().st_size, path.absolute()  # the process stays in the folder where it was started
     limit_s, limit_bytes = LIMIT_S + LIMIT_PER_BYTE_S * size, LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size
     if multiprocessing.current_process().daemon:

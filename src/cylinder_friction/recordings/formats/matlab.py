@@ -14,11 +14,9 @@ VERSION_5 = b"MATLAB 5.0 MAT-file"
 
 
 def walk(name: str, value: Any, found: Found, unit: str = "") -> None:
-    """Add the channels of a variable to ``found``.
+    """Add the channels of an array, a mapping (struct) or a list (array of structs, cell array) to ``found``.
 
-    Args:
-        name: Name of the variable or path of the field: ``log.P1``, or ``log_2.P1`` within an array of structs.
-        value: An array, a mapping (struct) or a list (array of structs, cell array); other values are no channels.
+    ``name`` is its variable or path: ``log.P1``, or ``log_2.P1`` within an array of structs.
     """
     if isinstance(value, dict):
         walk_struct(name, value, found, unit)
@@ -61,10 +59,7 @@ def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = 
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Read the file's vectors, matrices and structs as channels; channels of one length share a table.
-
-    Single values, text and objects are no channels. Their names are listed in ``unread``.
-    """
+    """Read the file's vectors, matrices and structs as channels; those of one length share a table."""
     found = Found()
     if source.head.startswith(VERSION_5):
         import scipy.io  # only MATLAB files need it

@@ -21,9 +21,8 @@ _PLAIN_BUS_EVENT = 4  # Bit in a channel group's flags (ASAM MDF 4.1) that marks
 def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path | None = None) -> list[LoggedTable]:
     """Read one table per channel group, with its master (time) first; conversions are applied.
 
-    Samples that the file marks as invalid become NaN. Text is no channel; its name is listed in ``unread``. Groups of
-    raw bus frames are decoded with ``database``, the DBC file of the bus. Without it they are left out, and a file with
-    nothing else is refused.
+    Samples that the file marks as invalid become NaN. Raw bus frames are decoded with ``database``, the DBC file of the
+    bus. Without it they are left out, and a file with nothing else is refused.
     """
     import asammdf
 

@@ -18,9 +18,8 @@ INDEX = "__index_level_"  # Beginning of the name of an index without a name tha
 def read_parquet(source: FileSource, wanted: Collection[str] | None, rows: int | None = None) -> list[LoggedTable]:
     """Read the wanted columns of the file's table in one thread; read more than ``rows`` rows in parts.
 
-    An index that pandas stored is a channel if it has a name or contains time stamps (then named ``index``). Row
-    numbers are left out. Text is parsed as in a text table: dates, times of day, numbers. A field's metadata states its
-    unit under the key ``unit`` or ``units``.
+    An index that pandas stored is a channel if it has a name or contains time stamps (then named ``index``). Text is
+    parsed as in a text table. A field's metadata states its unit under the key ``unit`` or ``units``.
     """
     parts = _parts(source, wanted, rows)
     first = next(parts)

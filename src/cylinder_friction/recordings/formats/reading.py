@@ -20,10 +20,8 @@ from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.recording import RecordingError
 
 _MODULES = (delimited, matlab, mdf, tdms, hdf5, parquet, excel)
-FORMATS: dict[str, Format] = {each.FORMAT.name: each.FORMAT for each in _MODULES}
-"""Every format by its name."""
-MOST_WHOLE = 2 * 10**9
-"""Largest file of a format that cannot be read in parts [bytes]."""
+FORMATS: dict[str, Format] = {each.FORMAT.name: each.FORMAT for each in _MODULES}  # Every format by its name
+MOST_WHOLE = 2 * 10**9  # Largest file of a format that cannot be read in parts [bytes]
 
 _OTHERS = {
     b"PK": "a ZIP file: unpack it; of a spreadsheet save the table as .xlsx or CSV",

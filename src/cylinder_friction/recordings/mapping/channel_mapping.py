@@ -86,11 +86,23 @@ _RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/
 KNOWN = frozenset().union(*_CONVERSIONS.values(), ELECTRICAL, OTHER_QUANTITIES, _RARE.casefold().split())
 """All known units, in lower case."""
 
-_PORTS = frozenset("ABCFGHKPTXY")
-"""Single letters that more probably name a port or an axis than a unit: 'pressure (A)'."""
+_PORTS = frozenset("ABCFGHKPTXY")  # Letters that more probably name a port or an axis than a unit: 'pressure (A)'
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\](?:\s*\([^()]*\))?$")
 _IN_PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\(\s*(?P<unit>[^()]*?)\s*\)$")
 _DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) |.* [^\s/]{3,}/(?!s$|min$|h$))(?P<unit>\S+)$")
+_ANY, _LONG = (
+    "|".join(re.escape(each) for each in sorted(KNOWN) if each[:size].isalpha() and len(each) >= size)
+    for size in (1, 2)
+)
+_NUMBER, _FEW = r"\d+(?:[.,/]\d+)?", r"(?:[2-9]|10|100(?= ?[muμ]s)|\d+[.,/]\d+)"  # 100 bar may be the range of a sensor
+_SCALED = re.compile(
+    rf"\((?:\s*{_FEW}|\s*[x*]\s*{_NUMBER}\s*)\s*(?:{_ANY})\s*\)$|(?<![A-Za-z\d.,/]){_FEW}(?:{_LONG})$"  # (5 ms), _2mm
+    rf"|(?:\bin \d+|\d+[.,/]\d+) (?:{_ANY})$"  # in 10 ms, 1/1000 s
+    rf"|(?<![A-Za-z])(?:{_LONG})[\])]?[\s_,(]*[*·x/] ?{_NUMBER}\)?$"  # [bar] *10, (kPa/10), bar (x2)
+    rf"|^{_NUMBER} ?[*·]|(?<=.)x10+(?=\s*[\[(]|$)|(?:scale|factor|faktor|gain)[ =:]*{_NUMBER}",  # 10*p, px10 [bar]
+    re.IGNORECASE,
+)
+"""A factor in a name, with or without its unit; no unit with a factor is known."""
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
 _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute?)|g|gauge|rel|relativ|ü)\.?\)?", re.I)
 
@@ -153,8 +165,10 @@ def unit_in_name(name: str) -> str | None:
     """Find the unit in a header cell; None without one.
 
     Text in square brackets is a unit, unless it is an index such as ``axis[1]``. Text in parentheses or after a slash
-    may be a remark, and is a unit only if it is known.
+    may be a remark, and is a unit only if it is known. A factor makes a unit that is not known, such as ``2ms``.
     """
+    if scaled := _SCALED.search(name):
+        return scaled[0].strip("() ")
     match = _IN_BRACKETS.match(name)
     if match and match["unit"] and not match["unit"].isdigit():
         return match["unit"]
@@ -200,10 +214,7 @@ def known_units(quantity: str) -> str:
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:
-    """Convert values in ``unit`` to the column's unit; return values already in that unit unchanged.
-
-    Temperatures are converted with their zero: 32 °F is 0 °C. Raises as ``check_unit``.
-    """
+    """Convert values to the column's unit, temperatures with their zero; values in that unit stay unchanged."""
     scale, offset = check_unit(column, unit)
     scaled = values if scale == 1.0 else values * scale
     return scaled if offset == 0.0 else scaled + offset
@@ -238,11 +249,9 @@ class SensorScale:
     signal: tuple[float, float] | None = None
     bits: int | None = None  # Resolution of the converter, which divides ``range`` into 2^bits steps, if known
     accuracy_percent: float | None = None  # Stated accuracy [± % of full scale], if known
-    # Standard uncertainty (k = 1) of the zero, in ``unit``, if a calibration states it. The accuracy then applies to
-    # the span alone
+    # Standard uncertainty (k = 1) of the zero, in ``unit``, if known; the accuracy then applies to the span alone
     zero_uncertainty: float | None = None
-    # Delay of its signal, for example by the filter of its amplifier [s]; subtracted from its time stamps
-    delay_s: float = 0.0
+    delay_s: float = 0.0  # Delay of its signal, for example by a filter [s]; subtracted from its time stamps
     line_loss: LineLoss | None = None  # Pressure loss in the line to a pressure sensor away from the cylinder
     serial: str = ""  # Serial number
     calibrated: str = ""  # Day of its last calibration, such as 2026-03-27
@@ -284,10 +293,7 @@ class SensorScale:
         return abs(self.range[1] - self.range[0])
 
     def reading(self, signal: Array) -> Array:
-        """Convert the signal to readings in ``unit``: linearly, also beyond the ends.
-
-        If the logger has already converted the signal, it is returned unchanged.
-        """
+        """Convert the signal to readings in ``unit``: linearly, also beyond the ends; without a signal, unchanged."""
         if self.signal is None:
             return signal
         (low, high), (first, last) = self.range, self.signal
@@ -318,16 +324,11 @@ class ChannelMapping:
     unit: str = ""
     sign: int = 1  # -1 if the sensor is mounted backwards, so that extension and the force driving it are positive
     table: str = ""  # Name of the file's table with the channel; needed if several tables have a channel of this name
-    # Time channel of this channel, if tables have their own ones; by default the channel of ``time_s`` in the same
-    # table
-    time: str = ""
+    time: str = ""  # Time channel of this channel; by default the channel of ``time_s`` in the same table
     time_unit: str = ""  # Unit of that time channel, if the file does not state it
     sensor: SensorScale | None = None  # Scale and limits of the sensor
-    # Reading at which the column is zero, in the sensor's unit; for a position sensor the reading with the rod
-    # retracted
-    offset: float = 0.0
-    # Rate of the rows in place of a time channel, only for ``time_s`` [Hz]; the first row is at 0 s
-    rate_hz: float | None = None
+    offset: float = 0.0  # Reading at which the column is zero, in the sensor's unit: of a position with the rod in
+    rate_hz: float | None = None  # Rate of the rows in place of a time channel, only for ``time_s`` [Hz]
     # Names of the channel in other files of the same logger. If ``channel`` is missing, the first name found is used
     alternatives: tuple[str, ...] = ()
 

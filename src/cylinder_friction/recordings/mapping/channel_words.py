@@ -35,20 +35,22 @@ def _words(words: str, stems: str = "") -> Vocabulary:
 
 
 QUANTITY_WORDS = {
-    "pressure": _words("p pr press pres", "druck pressure"),
+    "pressure": _words("p pr press pres", "druck pressure pression 压力"),
     "time": _words(
-        "t time date datum seconds secs sek clock ticks", "zeit timestamp datetime elapsed sekunde mitternacht"
+        "t time date datum seconds secs sek clock ticks", "zeit timestamp datetime elapsed sekunde mitternacht 时间"
     ),
     "temperature": _words("temp", "temperatur"),
-    "length": _words("x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf"),
+    "length": _words(
+        "x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf 位移"
+    ),
     "friction": _words("", "friction reibung reibkraft"),  # computed elsewhere, so that it is no load
     "force": _words("f fx fz load last", "force kraft loadcell kraftmess"),
     "other": _words("v u vel speed acc", "velocity geschwindigkeit beschleunigung acceleration spannung voltage strom"),
 }
 """Words for each quantity. If words of equal rank name two quantities, the first quantity is taken."""
 
-PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden")
-ROD_SIDE = _words("2 b rod ring gland", "stange annul ringseit ringraum rodside")
+PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden fondello 无杆")
+ROD_SIDE = _words("2 b rod ring gland tige stelo", "stange annul ringseit ringraum rodside 有杆")
 EITHER_SIDE = _words("head end side port chamber", "seite kammer")
 """Words that show no side alone. Either end is called the head, so that the name of the other pressure decides."""
 ELSEWHERE = _words("s t 0 ls sys pump tank supply return system", "versorg pumpe speise rücklauf ruecklauf")
@@ -84,17 +86,18 @@ def words_of(name: str) -> Words:
     whole = len(plain) > 1 and plain.strip().casefold() in TIME_NAMES
     quantity = "time" if whole else _quantity(tokens)
     if not unit and quantity in (None, "time") and len(last := folded[-1] if folded else "") > 1:
-        unit = last if quantity_of(last) == "time" and last != "ticks" else ""  # elapsedMillis; ticks are of any length
+        counted = last == "ticks" or (len(folded) > 1 and folded[-2].isdecimal())  # of any length, such as 64us
+        unit = last if quantity_of(last) == "time" and not counted else ""  # elapsedMillis
     vocabularies = ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE))
     ranked = ((side, words.rank(token)) for side, words in vocabularies for token in folded)
     # Single letters and digits show a side only beside a word for pressure, or alone in bar; a lone P is the supply.
     pressure = quantity == "pressure" or (len(tokens) == 1 and quantity_of(unit) == "pressure")
-    sides = (side for side, rank in ranked if rank == 2 or (rank == 1 and pressure))
+    sides = [(rank, side) for side, rank in ranked if rank == 2 or (rank == 1 and pressure)]
     wanted = any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded)
     known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, EITHER_SIDE, AT_VALVE, AT_CYLINDER)
     return Words(
         quantity=quantity,
-        side=-1 if tokens == ["P"] else next(sides, 0),
+        side=-1 if tokens == ["P"] else max(sides, key=lambda each: each[0], default=(0, 0))[1],
         unit=unit,
         preference=any(map(AT_CYLINDER.rank, folded)) - any(map(AT_VALVE.rank, folded)) - 6.0 * wanted,
         carried=any(map(CARRIED.rank, folded)),

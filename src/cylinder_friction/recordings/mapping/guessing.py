@@ -41,8 +41,7 @@ from cylinder_friction.recordings.recording import RecordingError
 
 COARSE = 0.4  # Factor on the score of a clock whose stamps repeat, so that a finer clock with a unit has the steps
 NEARLY = 3.0  # Largest distance from the best score of candidates that are also named
-BELOW_ZERO = 0.05
-"""Share of its travel beyond which a position below zero shows that it does not count from the retracted end."""
+BELOW_ZERO = 0.05  # Share of its travel beyond which a position below zero does not count from the retracted end
 MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 """Most different names, and least mean number of rows per name, of a column that names channels."""
 _ABSOLUTE = re.compile(r"absolut|(?<![^\W_])abs(?![^\W_])", re.IGNORECASE)
@@ -61,8 +60,7 @@ For time they bound the step, for length the travel. The pressures of one file s
 GREATEST_PRESSURE_PA = 7e7  # Pressure on the piston that gives the greatest credible force of a cylinder [Pa]
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
 STATE_RATE = "state the rate of the rows: --unit time=200Hz, or time_s: {rate_hz: 200} in the mapping"
-EVEN_SHARE = 0.01
-"""Largest difference between median and mean step of an even clock, as a share."""
+EVEN_SHARE = 0.01  # Largest difference between median and mean step of an even clock, as a share
 
 
 @dataclass(frozen=True)
@@ -214,10 +212,7 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
 
 
 def channels_of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
-    """Choose pressures and position of the cylinder that fits best; none if no cylinder has all three.
-
-    Cylinders differ in the rest of the names.
-    """
+    """Choose pressures and position with equal other words that fit best; none if no cylinder has all three."""
     groups: dict[tuple[str, ...], dict[str, tuple[ChannelFacts, float]]] = {}
     for column in SAMPLE_COLUMNS:
         for channel, score in ranked[column]:
@@ -343,7 +338,8 @@ def _clock_of(channel: ChannelFacts, facts: Sequence[ChannelFacts], clocks: Sequ
     if [(each in clocks) == (there[0] in clocks) for each in there] == [True, False] * (len(there) // 2):
         return there[there.index(channel) ^ 1]
     found = min(clocks, key=lambda time: abs(time.count - channel.count))
-    nearest = next((each for each in reversed(there[: there.index(channel)]) if each in clocks), found)
+    at = there.index(channel)  # without a clock before it, the last one stamps it if clocks are behind their channels
+    nearest = next(each for each in [*there[:at][::-1], *there[:at:-1]] if each in clocks)
     differ = (nearest.unit, nearest.count) == (found.unit, found.count) and abs(nearest.low - found.low) > found.step
     if differ and there.index(nearest) - there.index(found) > 1:  # each may stamp the channels behind it
         raise RecordingError(
@@ -365,10 +361,7 @@ def _refuse_repeated(tables: Sequence[LoggedTable], complete: bool) -> None:
 
 
 def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
-    """State why no channel is accepted as time, and what to do; empty if one is.
-
-    A channel that is named time but cannot be read is reported before channels that only rise.
-    """
+    """State why no channel is accepted as time: first one named time that cannot be read; empty if one is."""
     if ranked and (ranked[0][0].dates or ranked[0][0].unit or ranked[0][0].words.quantity == "time"):
         return ""
     unread = (each for each in facts if each.words.quantity == "time" and each.text and math.isnan(each.low))
@@ -448,7 +441,7 @@ def _in_another_unit(column: str, facts: Sequence[ChannelFacts]) -> tuple[str, .
     quantity, sides = QUANTITIES[column], (0, SIDES.get(column, 0))
     like = (each for each in facts if each.words.quantity == quantity and each.words.side in sides and each.unit)
     other = next((each for each in like if quantity_of(each.unit) != quantity), None)
-    words = f"; expected {known_units(quantity)}; name the channel with its right unit"
+    words = f"; expected {known_units(quantity)}; name the channel with its right unit, or rescale it in the file"
     return (f"{other.name!r} states the unit {other.unit!r}, which is none of {quantity}{words}",) if other else ()
 
 

@@ -22,7 +22,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     to_column_unit,
     units_agree,
 )
-from cylinder_friction.recordings.mapping.guessing import STATE_RATE, ChannelFacts, clocks_of
+from cylinder_friction.recordings.mapping.guessing import ChannelFacts, clocks_of
 from cylinder_friction.recordings.recording import RecordingError, Signal, Start
 
 DATES_AGREE = np.timedelta64(2, "s")  # Largest difference of dates and a clock beside them, by resolution and drift
@@ -156,10 +156,7 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
 
 
 def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
-    """Return the rate of a clock if neither its mean nor its median step confirms any of ``own_hz``; else None.
-
-    A clock without a unit may have any unit. A clock that steps by 1 counts rows and confirms every rate.
-    """
+    """Return a clock's rate if neither mean nor median step confirms any of ``own_hz``, in any unit; else None."""
     if not clock.unit and not clock.dates and clock.counts:
         return None
     known = (1e-9,) if clock.dates else (check_unit(TIME, clock.unit)[0],) if clock.unit else TIME_UNITS_S
@@ -285,23 +282,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
             "expected dates, or numbers with channels.time_s.unit"
         )
     values = _numbers(raw, channel, TIME, unit)
-    time_s = to_column_unit(values - time.offset if time.offset else values, unit, TIME)
-    _refuse_digits_of_a_clock(time_s, channel)
-    return time_s
-
-
-def _refuse_digits_of_a_clock(time_s: Array, channel: str) -> None:
-    """Refuse a time of day as one number (HHMMSS), which steps by 40 s more at a full minute."""
-    known = time_s[np.isfinite(time_s)]
-    jumps = np.flatnonzero(np.diff(known) >= 40.0)
-    ends_s = known[[jumps, jumps + 1]]
-    passed_s = np.diff(ends_s - 40.0 * (ends_s // 1e2) - 2400.0 * (ends_s // 1e4), axis=0)[0]
-    if (passed_s <= 1.0).any() and (known % 1e2).max() < 60.0 and (known % 1e4).max() < 6000.0:
-        before_s, after_s = ends_s[:, np.argmin(passed_s)]
-        raise RecordingError(
-            f"time channel {channel!r} steps from {before_s:.9g} to {after_s:.9g} s, as hours, minutes and seconds in "
-            f"one number (HHMMSS) do; write 10:15:00.005, or {STATE_RATE}"
-        )
+    return to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 
 def _check_unit(table: LoggedTable, channel: str, configured: str, column: str, absolute: bool = False) -> None:

@@ -114,10 +114,7 @@ def _rate_of_unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> float
 
 
 def _common_rate(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> float:
-    """Return the wanted rate, or that of the slowest column [Hz].
-
-    Oil temperature does not count, because it changes over minutes and may be logged once a second.
-    """
+    """Return the wanted rate, or that of the slowest column but oil temperature, which changes slowly [Hz]."""
     own_hz = {timeline.column: own_rate(timeline) for timeline in timelines}
     fast = [rate for column, rate in own_hz.items() if column != OIL_TEMPERATURE]
     rate_hz = min(fast or own_hz.values()) if rules.rate_hz is None else rules.rate_hz

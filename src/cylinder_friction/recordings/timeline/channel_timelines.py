@@ -20,16 +20,12 @@ from cylinder_friction.recordings.timeline.timestamps import (
 )
 from cylinder_friction.wording import counted
 
-RUNS_ON = 16
-"""Number of rows before and after a backward step that must be in order for the step to be a restart of the clock."""
-UNDONE_SHARE = 0.5
-"""Least forward jump near a backward step, as a share of it, that shows that the clock did not restart."""
-DAMAGED_SHARE = 0.05
-"""Largest share of rows with damaged stamps at which the order of the rows is known."""
+RUNS_ON = 16  # Rows before and after a backward step that must be in order if the clock was restarted
+UNDONE_SHARE = 0.5  # Least forward jump near a backward step, as a share of it, that shows no restart of the clock
+DAMAGED_SHARE = 0.05  # Largest share of rows with damaged stamps at which the order of the rows is known
 OTHER_SHARE = 0.1  # Largest share of rows with other values among rows that repeat a stamp and count as copies
 FEWEST_STAMPS = 10  # Fewest different stamps of a coarse clock
-LAG = 32
-"""Number of stamps for the first estimate of a coarse clock's rate, over which rounding averages out."""
+LAG = 32  # Number of stamps for the first estimate of a coarse clock's rate, over which rounding averages out
 TOGETHER = 0.8
 """Least share of common rows of columns that were sampled together. Two raster rates of one table share at most half of
 their rows, or the slower one shares all of its rows."""
@@ -47,10 +43,9 @@ class OrderedStamps:
 
 
 def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
-    """Check and repair the order of stamps.
+    """Check and repair the order of stamps. A clock may restart, be set back or roll over.
 
-    Rows without stamp and value (``blank``) are ignored. A few stamps that are not finite, or 1e11 s and more, are left
-    out. A clock may restart, be set back or roll over.
+    Rows without stamp and value (``blank``) are ignored. A few stamps not finite, or 1e11 s and more, are left out.
     """
     finite = np.abs(time_s) < LATEST_S
     rows = np.flatnonzero(finite).astype(np.int64)

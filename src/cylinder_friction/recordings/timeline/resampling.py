@@ -9,8 +9,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
 from cylinder_friction.recordings.timeline.timestamps import BLOCK, JITTER_SHARE, WHOLE_HERTZ, whole_hertz
 
-ON_THE_LINE = 1e-3
-"""Largest deviation of stamps from one straight line at which that line replaces them, as a share of a step."""
+ON_THE_LINE = 1e-3  # Largest deviation of stamps from a straight line that replaces them, as a share of a step
 
 
 def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
@@ -60,8 +59,7 @@ class UniformSegment:
 def own_rate(timeline: ChannelTimeline) -> float:
     """Return the rate of a column [Hz]: a whole number if it is within 1e-4 of one.
 
-    If stamps are uneven, it is the median rate, rounded to three digits, or to a whole number from 100 Hz on. So the
-    files of one logger share a rate.
+    Of uneven stamps it is the median rate, rounded to three digits, so that the files of one logger share it.
     """
     rate_hz = whole_hertz(1.0 / timeline.step_s)
     if timeline.even:
@@ -70,10 +68,7 @@ def own_rate(timeline: ChannelTimeline) -> float:
 
 
 def uniform_segments(timeline: ChannelTimeline, segment: int, start_s: float) -> list[UniformSegment]:
-    """Return the gapless stretches of a column in one segment of its clock, in order.
-
-    Uneven stretches are resampled at multiples of their sample time from ``start_s`` [s].
-    """
+    """List a column's gapless stretches in one segment; uneven ones at multiples of its step from ``start_s``."""
     result = []
     for a, b in timeline.stretches():
         if timeline.segments[a] == segment and b - a >= 2:

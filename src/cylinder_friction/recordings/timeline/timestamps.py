@@ -12,14 +12,11 @@ from cylinder_friction.recordings.recording import expect
 Indices = NDArray[np.int64]
 
 BLOCK = 1024  # Number of samples over which a clock must follow a straight line; slower drift is allowed
-RATE_DRIFT = 1e-3
-"""Largest deviation of a block's rate from the overall rate, as a share; velocity is wrong by the same share."""
+RATE_DRIFT = 1e-3  # Largest deviation of a block's rate from the overall one, as a share, by which velocity is wrong
 WHOLE_HERTZ = 1e-4
 """Largest deviation from a whole number of hertz that is rounded, as a share; clocks are off by parts per million."""
-LATEST_S = 1e11
-"""Largest credible stamp [s], about 3000 years. Larger numbers are ticks, or dates written as one number."""
-USUAL_STEP_SHARE = 0.9
-"""Least share of equal steps that shows exact stamps; longer steps are then lost samples, not rounding."""
+LATEST_S = 1e11  # Largest credible stamp, about 3000 years [s]; larger ones are ticks, or dates as one number
+USUAL_STEP_SHARE = 0.9  # Least share of equal steps of exact stamps; longer steps are then lost samples
 JITTER_SHARE = 0.02  # Largest deviation of even stamps from an even clock, as a share of a step
 
 
@@ -47,8 +44,7 @@ def even_rate(time_s: Array) -> float | None:
     """Return the mean rate [Hz] of evenly spaced stamps, one per sample; None if they are uneven.
 
     Stamps are even if in every 1024 samples they deviate from a straight line by at most 2 % of a step or by what their
-    printed resolution explains, and the rate is constant within 1e-3. A clock that is fast, slow or drifts by some
-    parts per million is even. Stamps with a lost sample are not, because it shifts the line by half a step.
+    printed resolution explains, and the rate is constant within 1e-3. Stamps with a lost sample are not even.
     """
     if len(time_s) < 3 or not (abs(time_s[0]) < LATEST_S and abs(time_s[-1]) < LATEST_S):
         return None

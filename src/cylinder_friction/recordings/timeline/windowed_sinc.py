@@ -10,8 +10,7 @@ from cylinder_friction.arrays import Array
 CUT_OFF = 0.45  # Frequency at which half of the amplitude passes, as a share of the lower of the two rates
 STOP_BAND_DB = 70.0
 """Design attenuation of the window [dB]. Interpolation in the table and short sums reduce it to a little over 60 dB."""
-HALF_WIDTH = 22.0
-"""Half-width of the kernel in samples of the lower rate, which gives a transition band of 0.1 of that rate."""
+HALF_WIDTH = 22.0  # Half-width of the kernel in samples of the lower rate: a transition band of 0.1 of it
 ENTRIES = 512  # Entries of the kernel's table per sample of the lower rate; the error of interpolation is below 1e-6
 
 
@@ -23,13 +22,10 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
     60 dB. Its weights are divided by their sum, so that a constant stays constant. Beyond the ends, samples are
     continued by odd extension (the mirror image through the end point), so that a straight line stays straight.
 
-    Args:
-        values: Samples at a constant rate, shape ``(n,)``.
-        positions: Wanted instants as sample numbers from 0 to ``n - 1``, fractions allowed, shape ``(m,)``.
-        rate_ratio: Ratio of the wanted rate to the rate of ``values``.
+    ``positions`` are sample numbers from 0 to ``n - 1``, fractions allowed; ``rate_ratio`` is the ratio of the wanted
+    rate to that of ``values``.
 
-    Source: Smith 1984, Digital audio resampling; Oppenheim and Schafer, Discrete-time signal processing, section 7.5
-    (Kaiser window).
+    Source: Smith 1984, Digital audio resampling; Oppenheim and Schafer, Discrete-time signal processing, section 7.5.
     """
     return _sinc(np.ascontiguousarray(values), positions, min(1.0, rate_ratio), _kernel(), HALF_WIDTH)
 
