@@ -1,5 +1,6 @@
 """A cylinder with a rod on both sides: areas, labels, estimators and what they carry; a plunger is refused."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassFo
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.label import label
 from cylinder_friction.realtime.trained_for import OtherCylinderError, TrainedFor
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.plausibility import check_friction
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.rig.friction import coulomb_friction
@@ -41,6 +44,21 @@ def test_areas_are_the_bores_less_each_rods() -> None:
     assert ALIKE.piston_area_m2 == ALIKE.annulus_area_m2
     assert wider.piston_area_m2 == pytest.approx(np.pi / 4.0 * (0.063**2 - 0.036**2))
     assert wider.annulus_area_m2 == ALIKE.annulus_area_m2 > wider.piston_area_m2
+
+
+def test_a_second_rod_is_asked_for_before_pressures_are_called_swapped() -> None:
+    time_s = 0.005 * np.arange(8000)
+    force_n = 300.0 * (1.0 + 0.5 * np.sin(0.37 * time_s)) * np.sign(np.cos(time_s))
+    one_rod = replace(ALIKE, rod_diameter_1_m=0.0)
+    leaving_pa = 2e6 + 0.35 * force_n / (one_rod.piston_area_m2 - ALIKE.annulus_area_m2)
+    columns = {"pressure_1_pa": leaving_pa + force_n / ALIKE.annulus_area_m2, "pressure_2_pa": leaving_pa}
+    columns |= {"position_m": 0.12 + 0.05 * np.sin(time_s)}
+    (found,) = check_friction(columns, 0.005, CheckLimits(one_rod, "none"))
+    assert found.outcome == "refused"
+    assert re.match(
+        "with equal areas, .*: if the cylinder has a rod on both .*; if not, the pressures are sw", found.text
+    )
+    assert check_friction(columns, 0.005, CheckLimits(ALIKE, "none")) == []
 
 
 def test_a_cylinder_with_one_rod_is_stored_as_before(cylinder: Cylinder) -> None:

@@ -85,4 +85,4 @@ def test_a_second_rod_that_is_not_stated_is_asked_for(tmp_path: Path) -> None:
     (entry,) = estimate_logs(LOGS / "double-rod/log.csv.gz", CYLINDER, tmp_path / "friction").recordings
     words = " ".join(remarks(entry))
     assert "loss of a line, of about 558 N; map a load cell, use --load position, zero the sensors" in words
-    assert "with equal areas it is 307 and 307 N: if the cylinder has a rod on both sides, state" in words
+    assert "is 307 N extending and 307 N retracting (307 N at equal position): if the cylinder has a rod on" in words

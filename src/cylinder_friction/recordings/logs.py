@@ -215,11 +215,10 @@ class Logs:
         channels, assumed = dict(self.recipe.channels), list[str]()
         for column in PRESSURES:
             sensor = channels[column].sensor or SensorScale() if column in channels else None
-            if sensor is None or sensor.accuracy_percent is not None:
-                continue
-            sensor = sensor if sensor.unit else replace(sensor, range=(0.0, FULL_SCALE_BAR), unit="bar")
-            channels[column] = replace(channels[column], sensor=replace(sensor, accuracy_percent=percent))
-            assumed.append(f"{column} ± {percent:g} % of {sensor.full_scale:g} {sensor.unit}")
+            if sensor is not None and sensor.accuracy_percent is None:
+                sensor = sensor if sensor.unit else replace(sensor, range=(0.0, FULL_SCALE_BAR), unit="bar")
+                channels[column] = replace(channels[column], sensor=replace(sensor, accuracy_percent=percent))
+                assumed.append(f"{column} ± {percent:g} % of {sensor.full_scale:g} {sensor.unit}")
         words = f"assumed, not stated: {', '.join(assumed)}" if assumed else ""
         return replace(self, recipe=replace(self.recipe, channels=channels), assumed=words)
 

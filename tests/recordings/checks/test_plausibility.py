@@ -117,8 +117,7 @@ UNKNOWN = "one of them drives the motion, so there is"
         (PULLED, "measured", "noted", UNKNOWN + r" another load of about 2e\+03 N.*; check unit and zero of load"),
         (pushed().iloc[:5], "none", "noted", "in 0 rows only, expected 20 each"),
         (pushed().assign(position_m=ONE_WAY), "none", "noted", "hardly pass the same positions"),
-        (pushed().assign(position_m=np.linspace(0.05, 0.2, 4000)), "none", "noted", "in 0 rows only, expected 20 each"),
-        (pushed().assign(position_m=0.1), "none", "noted", "in 0 rows only, expected 20 each"),
+        *((pushed().assign(position_m=x_m), "none", "noted", "in 0 rows only") for x_m in (0.1, 0.1 + 0.01 * SECONDS)),
         (pushed(0.0), "none", "noted", "cannot be distinguished from zero"),
     ],
 )
@@ -146,5 +145,4 @@ def test_a_load_computed_from_the_pressures_is_refused(
     table = labelled_recordings[0].table
     drive_n = table["pressure_1_pa"] * cylinder.piston_area_m2 - table["pressure_2_pa"] * cylinder.annulus_area_m2
     (found,) = checked(table.assign(load_force_n=sign * drive_n), cylinder, "measured")
-    assert found.outcome == "refused"
-    assert "of friction: it is a force computed from the pressures" in found.text
+    assert (found.outcome, "friction: it is a force computed from the pressures" in found.text) == ("refused", True)

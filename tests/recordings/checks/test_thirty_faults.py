@@ -108,6 +108,7 @@ def test_thirty_faults_are_named(tmp_path: Path, cylinder: Cylinder, capsys: pyt
 
 TIME_S = 0.005 * np.arange(6000)
 STROKES_M = 0.125 + 0.05 * np.sin(0.4 * np.pi * TIME_S)
+RESTED_M = np.where(TIME_S < 10.0, 0.125, STROKES_M)
 NOISE = np.random.default_rng(1).normal(size=6000)
 NOISE_M, BURST_M = 2e-5 * NOISE, 2e-5 * NOISE * (abs(TIME_S - 15.0) < 5.0)
 SINGLE = np.isin(np.arange(6000), [2000, 2600, 2601, 3300, 4000]) * np.where(TIME_S < 12.0, 0.003, -0.003)
@@ -132,9 +133,10 @@ def ended(at_m: float) -> Array:
         (STROKES_M + 0.005 * (TIME_S >= 5.0), 0.25, "refused", r"jumps by \+5.01 mm at 5.00 s"),
         (STROKES_M + NOISE_M + 59.0 * BURST_M, 0.25, "noted", "noise between 10.00 and 20.00 s"),
         (STROKES_M + NOISE_M + 2.0 * BURST_M, 0.25, "ok", ""),
+        (np.repeat((RESTED_M + NOISE_M)[::2], 2), 0.25, "noted", "new value in 50 % .* so it is late by about 2.5 ms"),
         (5e-4 * np.floor(np.cumsum(np.where(TIME_S < 15.0, 1.0, 0.5))), 1.0, "ok", ""),  # coarse: each row, each other
     ],
-    ids=["sound", "stop", "coarse", "single", "end", "held", "small jump", "jump", "noise", "little noise", "coarser"],
+    ids=["sound", "stop", "coarse", "single", "end", "held", "step", "jump", "noise", "little", "slower", "coarser"],
 )
 def test_faults_of_the_position_are_weighed(position_m: Array, stroke_m: float, outcome: str, words: str) -> None:
     found = check_position_steps(position_m, TIME_S, stroke_m)

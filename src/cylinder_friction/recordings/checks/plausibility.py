@@ -98,16 +98,13 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
     as_is, swapped, turned, alike = _balances(direction, shape, *forces)
     findings = _computed_load(direction, shape, drive_n, load_n, limits) or _inverted_load(as_is, turned, limits)
     findings = findings or _direction(as_is, swapped, limits)
-    if any(each.outcome == "refused" for each in findings):
-        return findings
     explained = as_is.weaker_n <= 0.0 < 0.5 * alike.friction_n < alike.weaker_n  # by equal areas
     if explained and load == "none" and not limits.cylinder.rod_diameter_1_m:
-        rods = (
-            f"; with equal areas it is {alike.extending_n:.3g} and {alike.retracting_n:.3g} N: if the cylinder has a "
-            "rod on both sides, state the second one too (rod_diameter_1_m)"
-        )
-        findings = [replace(each, text=each.text + rods) for each in findings]
-    return findings + _size(as_is, limits.cylinder)
+        rods = "if the cylinder has a rod on both sides, state the second one too (rod_diameter_1_m)"
+        rods = f"with equal areas, {alike.in_words()}: {rods}"
+        findings = [replace(each, text=f"{rods}; if not, {each.text}") for each in findings]
+    refused = any(each.outcome == "refused" for each in findings)
+    return findings if refused else findings + _size(as_is, limits.cylinder)
 
 
 def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> tuple[NDArray[np.int64], Array]:

@@ -42,9 +42,9 @@ UP_AND_DOWN, CHANGES = 0.25, 0.95
 ALTERNATES, QUIETEST = 0.6, 0.1
 """Least share of samples at which noise changes the sign of the fourth difference (80 % for white noise); quantile of
 the stretches with noise that gives the usual noise."""
-NOISY_S, NOISIER, FAINT = 0.5, 20.0, 1e-3
+NOISY_S, NOISIER, FAINT, HELD = 0.5, 20.0, 1e-3, 0.6
 """Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
-share of the stroke."""
+share of the stroke. Values are held if at most this share of its rows has a new one."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
 FEWEST_HOLDS, EVEN_HOLDS, LARGE_STEPS = 20, 0.75, 0.1
 """Of a signal that is refreshed less often than it is logged: fewest refreshes, least share at the usual distance, and
@@ -93,9 +93,8 @@ class _Survey:
 
     def worst(self, low: float, high: float) -> tuple[float, int]:
         """Find the value furthest outside of two bounds; return it and its row, counted from 1."""
-        if low - self.lowest > self.highest - high:
-            return self.lowest, self.lowest_row + 1
-        return self.highest, self.highest_row + 1
+        lowest, highest = (self.lowest, self.lowest_row + 1), (self.highest, self.highest_row + 1)
+        return lowest if low - self.lowest > self.highest - high else highest
 
 
 def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
@@ -266,16 +265,14 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
     bent = np.flatnonzero(bend_m > max(NOISE * usual_m, STROKES * stroke_m)) + 1
     groups = np.split(bent, np.flatnonzero(np.diff(bent) * step_s > TOGETHER_S) + 1) if len(bent) else []
     found = [(int(each[0]), *_described(position_m, time_s, int(each[0]), int(each[-1]), stroke_m)) for each in groups]
-    advice = {
-        "refused": "check the sensor and its cable, and cut the log there",
-        "noted": "velocity and friction are wrong there",
-    }
     faults = sorted((each for each in found if each[1]), key=lambda each: each[2] != "refused")
     if faults:
         row, words, outcome = faults[0]
         alike = [each for each in faults if each[2] == outcome]
         more = f" (first of {len(alike)} such faults)" if len(alike) > 1 else ""
-        text = f"position_m {words}, in row {row + 1}{more}; {advice[outcome]}"
+        effect = "velocity and friction are wrong there"
+        advice = effect if outcome == "noted" else "check the sensor and its cable, and cut the log there"
+        text = f"position_m {words}, in row {row + 1}{more}; {advice}"
         return [Finding("position_steps", outcome, text)]
     if found:
         text = (
@@ -300,6 +297,11 @@ def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
     noisy = np.flatnonzero(alive & (level_m > max(NOISIER * usual_m, FAINT * stroke_m)))
     if len(noisy) * rows < STILL_S / (time_s[1] - time_s[0]):
         return ""
+    new = float((np.diff(x_m)[: len(stretches_m) * rows].reshape(-1, rows)[noisy] != 0.0).mean())
+    if new <= HELD:
+        late_ms = 500.0 * float(time_s[1] - time_s[0]) * (1.0 / new - 1.0)
+        advice = f"so it is late by about {late_ms:.2g} ms, which its sensor.delay_s in the mapping may state"
+        return f"position_m has a new value in {100.0 * new:.0f} % of the rows while the piston moves, {advice}"
     begin, end = time_s[noisy[0] * rows], time_s[min((noisy[-1] + 1) * rows, len(time_s) - 1)]
     return (
         f"position_m has {float(np.median(level_m[noisy])) / usual_m:.2g} times its usual noise between {begin:.2f} "
