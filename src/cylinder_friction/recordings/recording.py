@@ -234,10 +234,7 @@ class Recording:
         return replace(self.with_columns(**columns), metadata=metadata)
 
     def lagged(self, samples: int) -> Recording:
-        """Return a copy with labels delayed by this many samples, for training an estimator with that lag.
-
-        The first rows have no label and are not usable. Measured columns stay unchanged.
-        """
+        """Return a copy with labels delayed by ``samples``, for training with that lag; the first are not usable."""
         if samples == 0:
             return self
         before = np.maximum(np.arange(len(self)) - samples, 0)

@@ -74,7 +74,7 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
         ("t,P1,x\n[s],[bar],", {"t": "s", "P1": "bar"}),
         ("TIMESTAMP,P1,x\nTS,bar,Deg C\n,Smp,Avg", {"P1": "bar", "x": "Deg C"}),  # of Campbell Scientific
         ("t,P1,x\n(s),(bar),(°C)\nclock,piston,oil", {"t": "s", "P1": "bar", "x": "°C"}),
-        ("t,P1,x", {}),
+        ("t,P1,x\n2ms,0.1bar,mm (x2)", {"t": "2ms", "P1": "0.1bar", "x": "mm (x2)"}),
         ("t,P1,x\nf8,DateTime64(3),LREAL\n(s),(bar),(mm)", {"t": "s", "P1": "bar", "x": "mm"}),
         *[(f"t,P1,x\n{form},bar,mm", {"P1": "bar", "x": "mm"}) for form in DATE_FORMS],
     ],
@@ -160,6 +160,7 @@ def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], no
             "".join(f"{name}{';1.5' * 2000}\n" for name in ("t", "p")),
             "one line per channel, as 'p' with 2000 values; .*T.t",
         ),
+        ("t,p\ns,bar\nScale,1,0.1\n" + ROWS, "holds factors above its rows, 'Scale,1,0.1', and nothing shows whether"),
         ("t,p\n", r"no rows of numbers were found \(lines searched: 1\)"),
         (LABVIEW + ROWS * 99 + ",\n" + LABVIEW[LABVIEW.index("Chan") :], "two logs or segments"),
         ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 instead of 2 values: '5'; correct it, or cut"),

@@ -28,19 +28,31 @@ def test_vectors_matrices_and_structs_are_channels(tmp_path: Path) -> None:
             "pressures": both,
             "lying": both.T,
             "log": {"P1": T + 3, "deep": {"x": T + 4}, "unit": "bar", "n": 6.0},
-            "kp": 2.0,
+            "kp": {"data": T, "factor": 0.1, "unit": "bar"},
             "remark": "slow",
             "on": T > 2,
         },
     )
     (table,) = read_logged_file(path)
-    names = ["t", "row", "counts", "pressures_1", "pressures_2", "lying_1", "lying_2", "log.P1", "log.deep.x", "on"]
+    names = [
+        "t",
+        "row",
+        "counts",
+        "pressures_1",
+        "pressures_2",
+        "lying_1",
+        "lying_2",
+        "log.P1",
+        "log.deep.x",
+        "kp.data",
+        "on",
+    ]
     assert list(table.channels.columns) == names
     np.testing.assert_array_equal(table.channels["pressures_2"], T + 2)
     np.testing.assert_array_equal(table.channels["lying_2"], T + 2)
     assert table.channels["counts"].dtype == np.int16
-    assert table.units == {"log.P1": "bar", "log.deep.x": "bar"}
-    assert set(table.unread) == {"kp", "remark", "log.n"}
+    assert table.units == {"log.P1": "bar", "log.deep.x": "bar", "kp.data": "bar with factor 0.1"}
+    assert set(table.unread) == {"kp.factor", "kp.unit", "remark", "log.n"}
 
 
 def test_simulink_structure_with_time(tmp_path: Path) -> None:

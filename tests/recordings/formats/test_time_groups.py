@@ -107,7 +107,6 @@ DAQ = (  # DAQExpress
     [
         ("t [s];P [bar];t [s];x [m]", "t [s];P [bar]", "t [s];x [m]", {"t [s]": "s", "P [bar]": "bar", "x [m]": "m"}),
         ("X_Value;p;X_Value;x;Comment", "X_Value;p", "X_Value;x", {}),
-        ("Temps;Pression;Temps;Position", "Temps;Pression", "Temps;Position", {}),
         ("Nr;Time;p;Time;x", "Nr;Time;p", "Time;x", {}),
         (DAQ, "Channel name;Piston pressure", "Channel name;Position", {"Piston pressure": "bar", "Position": "mm"}),
     ],
@@ -119,11 +118,6 @@ def test_time_columns_may_have_any_name_that_comes_again(  # type: ignore[no-unt
     first, second = read(header + "\n" + "".join(row.format(i, 5 * i) for i in range(40)))
     assert (";".join(first.channels), ";".join(list(second.channels)[:2])) == (one, other)
     assert first.units == units
-
-
-def test_a_name_that_comes_again_is_no_time_unless_it_rises(read) -> None:  # type: ignore[no-untyped-def]
-    (table,) = read("t;p;x;q;x\n0;1;5;1;6\n1;1;4;1;7\n2;1;5;1;8\n")
-    assert list(table.channels) == ["t", "p", "x", "q", "x"]
 
 
 def test_channels_that_end_before_the_others_are_used_as_far_as_they_go(read) -> None:  # type: ignore[no-untyped-def]

@@ -165,10 +165,7 @@ def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
 
 
 def _computed_load(direction: Array, shape: Array, drive_n: Array, load_n: Array, limits: CheckLimits) -> list[Finding]:
-    """Refuse a load that is a multiple of the pressures' own force, as loggers compute it: no friction is left.
-
-    Only a computed force has the noise of the pressures too, which tells its share of their force from friction.
-    """
+    """Refuse a load that is a multiple of the pressures' force, as loggers compute it: it shares their noise."""
     if limits.load != "measured" or limits.stated_load:
         return []
     own, drive, load = (_beyond(shape, each) for each in (direction, drive_n, load_n))

@@ -46,9 +46,9 @@ NOISY_S, NOISIER, FAINT, HELD = 0.5, 20.0, 1e-3, 0.6
 """Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
 share of the stroke. Values are held if at most this share of its rows has a new one."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
-FEWEST_HOLDS, EVEN_HOLDS, LARGE_STEPS = 20, 0.75, 0.1
-"""Of a signal that is refreshed less often than it is logged: fewest refreshes, least share at the usual distance, and
-least share of steps above the smallest one, because slow motion passes the steps of a converter as evenly."""
+FEWEST_HOLDS, EVEN_HOLDS, LATE_HOLD, LARGE_STEPS = 20, 0.75, 0.2, 0.1
+"""Of a signal that is refreshed less often than logged: fewest refreshes, least share at the usual distance, largest
+deviation from it, and least share of larger steps, because slow motion passes the steps of a converter as evenly."""
 
 
 def checked_recording(piece: Recording, limits: CheckLimits) -> Recording:
@@ -141,7 +141,8 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
 
 def _of_refreshes(columns: Columns, rate_hz: float, least_hz: float) -> Iterator[Finding]:
     """Refuse signals that are logged at a sufficient rate, but hold each sample of their sensor for too many rows."""
-    rows = {name: rows_per_refresh(columns[name]) for name in (POSITION, *PRESSURES, DRIVE_FORCE) if name in columns}
+    places = ((name, refreshes(columns[name])) for name in (POSITION, *PRESSURES, DRIVE_FORCE) if name in columns)
+    rows = {name: float(np.median(np.diff(at))) for name, at in places if len(at)}
     held = {name: each for name, each in rows.items() if rate_hz < (1.0 - RATE_TOLERANCE) * least_hz * each}
     if held and rate_hz >= (1.0 - RATE_TOLERANCE) * least_hz:
         most = max(held.values())
@@ -153,16 +154,15 @@ def _of_refreshes(columns: Columns, rate_hz: float, least_hz: float) -> Iterator
         yield Finding("refresh", "refused", text)
 
 
-def rows_per_refresh(values: Array) -> float:
-    """Find after how many rows a held signal changes; 0 if it is not held. Rows between two samples may be between."""
+def refreshes(values: Array) -> NDArray[np.int64]:
+    """Find the rows at which a held signal changes; none if it is not held. A row may lie between two values."""
     changes = np.diff(values) != 0.0
-    at = np.flatnonzero(changes & ~np.append(False, changes[:-1]))
-    distances, steps = np.diff(at), np.abs(np.diff(values[at]))
+    at = np.flatnonzero(changes & ~np.append(False, changes[:-1])) + 1
+    distances, steps = np.diff(at), np.abs(np.diff(values[at - 1]))
     if len(distances) < FEWEST_HOLDS or not steps.any():
-        return 0.0
-    usual = distances[np.abs(distances - np.median(distances)) <= 1.0]
-    large = np.mean(steps > 1.5 * steps[steps > 0.0].min())
-    return float(usual.mean()) if len(usual) >= EVEN_HOLDS * len(distances) and large >= LARGE_STEPS else 0.0
+        return at[:0]
+    even = np.mean(np.abs(distances / np.median(distances) - 1.0) <= LATE_HOLD) >= EVEN_HOLDS
+    return at if even and np.mean(steps > 1.5 * steps[steps > 0.0].min()) >= LARGE_STEPS else at[:0]
 
 
 def _of_position(columns: Columns, of_columns: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
@@ -193,7 +193,9 @@ def _of_position(columns: Columns, of_columns: dict[str, _Survey], limits: Check
             "(m read as mm?); if another cylinder moved instead, map its position as other_position_1_m"
         )
         yield Finding("motion", "refused", text)
-    yield from check_position_steps(columns[POSITION], columns[TIME], stroke_m)
+    at = refreshes(columns[POSITION])  # a held position steps, and stands between
+    x_m, time_s = (columns[name][at] if len(at) else columns[name] for name in (POSITION, TIME))
+    yield from check_position_steps(x_m, time_s, stroke_m)
 
 
 def _of_pressures(columns: Columns, seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:

@@ -1,7 +1,8 @@
 """Combine the channels of a binary file into tables of equal length."""
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -34,11 +35,23 @@ class Found:
     others: list[str] = field(default_factory=list)
 
 
+_FACTORS = ("scale_factor", "scale", "factor", "gain", "lsb", "slope", "add_offset", "offset", "intercept")
+"""Properties that state how numbers become values, in lower case; whether the numbers are values is not known."""
+
+
+def factors_among(properties: Mapping[str, Any]) -> str:
+    """List the factors and offsets that the properties of a channel state, as a part of its unit."""
+    stated = [(key, str(value).strip("b'[] ")) for key, value in properties.items() if key.casefold() in _FACTORS]
+    numbers = [(key, text) for key, text in stated if re.fullmatch(r"[-+]?\d*\.?\d*(?:e[-+]?\d+)?", text) and text]
+    return "".join(f" with {key} {text}" for key, text in numbers if float(text) not in (0.0, 1.0))
+
+
 def unit_among(properties: Mapping[str, Any]) -> str:
-    """Read the unit that the properties of a channel state; empty if they state none."""
+    """Read the unit that the properties of a channel state, with its factors; empty if they state none."""
     stated = (properties.get(key) for key in ("unit", "units", "Unit", "Units", "unit_string"))
     texts = (each.decode(errors="replace") if isinstance(each, bytes) else each for each in stated)
-    return next((text.strip() for text in texts if isinstance(text, str) and text), "")
+    unit = next((text.strip() for text in texts if isinstance(text, str) and text), "")
+    return f"{unit}{factors_among(properties)}".strip()
 
 
 def channels_of(name: str, values: Any, unit: str = "") -> list[Channel]:
@@ -62,10 +75,7 @@ def flat(values: Any, at: Any = ()) -> NDArray[Any]:
 
 
 def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
-    """Make one table of all channels with the same length and stated sample time, in the order of the file.
-
-    If there are several tables, each is named by the group that its channels share, or else by its length.
-    """
+    """Make a table of the channels of one length and stated sample time, named by group or length."""
     if not found.channels and wanted is not None and found.others:
         return [LoggedTable(pd.DataFrame(), unread=tuple(found.others))]
     if not found.channels:
@@ -83,6 +93,10 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
         shared = {channel.name.rpartition(separator)[0] for channel in channels}
         name = "" if len(groups) == 1 else (len(shared) == 1 and shared.pop()) or f"{length} rows"
         tables.append(table_of(channels, wanted, name, sample_time_s, others=() if tables else found.others))
+    lasts_s = {length * step: step for length, step in groups if step is not None}
+    if lasts_s and max(lasts_s) - min(lasts_s) > 1.5 * max(lasts_s.values()):
+        together = "its channels last differently, and are taken to begin together, because no start is stated"
+        tables = [replace(table, notes=(*table.notes, together)) for table in tables]
     return tables
 
 

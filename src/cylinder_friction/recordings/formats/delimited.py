@@ -39,7 +39,7 @@ from cylinder_friction.recordings.formats.format import (
     named_columns,
     open_text,
 )
-from cylinder_friction.recordings.mapping.channel_mapping import KNOWN, unit_in_name
+from cylinder_friction.recordings.mapping.channel_mapping import KNOWN, SCALED, unit_in_name
 from cylinder_friction.recordings.recording import RecordingError, Start
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
@@ -53,6 +53,11 @@ _UNIT_WORD = re.compile("unit|einheit", re.IGNORECASE)
 _TYPE = re.compile(r"([fiu]|u?s?l?(int|real)|float|double|bool|string|text|date|time|datetime)\d*(\(.*\))?", re.I)
 """A type below a name, as ClickHouse (``Float32``), INCA (``f8``) and PLCs (``LREAL``) write it."""
 MOST_LINES, FEWEST_VALUES = 100, 1000  # Most lines of a table with a channel per line, and fewest cells of such a line
+_FACTOR = re.compile(
+    r"[#%\"\s]*(?:\w+: *)?(?:scal(?:e|ing)(?: ?factor)?|fa[ck]tor|gain|slope|multiplier)[\":= ]*(?=[,;\t|\d])",
+    re.IGNORECASE,
+)
+"""What begins a line of factors above the rows. Vertical Scale of an oscilloscope is that of its display."""
 STEP_KEYS = ("delta_x", "hresolution")  # Words before a sample time [s], in lower case
 SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
 
@@ -70,6 +75,7 @@ def read_delimited(
     above, below = lines[: layout.first_row], lines[layout.first_row :]
     begin = text.start + sum(map(len, above))
     header = [line.decode() for line in above]
+    _refuse_factors(header)
     start, rate_hz = start_in_header(header), rate_in_header(header, layout.delimiter)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
     parts, repeated = 1 if rows is None else max(1, round(size / row_size / rows)), repeated_names(layout.names)
@@ -83,6 +89,18 @@ def read_delimited(
     more = (lambda: (replace(part, dated=dated).tables(wanted)[0] for part in later)) if later else None
     first = replace(first, notes=(*text.notes, *first.notes), more=more, parts=parts)
     return [replace(each, rate_hz=rate_hz) for each in (first, *others)]
+
+
+def _refuse_factors(header: list[str]) -> None:
+    """Refuse factors above the rows other than 1, because nothing shows whether the rows hold their products."""
+    for line in header:
+        named = _FACTOR.match(line)
+        cells = re.findall(r"[-+\d.eE]*\d[\d.]*", line[named.end() :].replace(",", ";")) if named else []
+        if any(is_number(cell, ".") and float(cell) != 1.0 for cell in cells):
+            raise RecordingError(
+                f"holds factors above its rows, {line.strip()[:80]!r}, and nothing shows whether the rows are already "
+                "multiplied by them; multiply them if not, and take that line out"
+            )
 
 
 def rate_in_header(lines: list[str], delimiter: str) -> float | None:
@@ -387,7 +405,7 @@ def _units_in_line(cells: list[str]) -> list[str] | None:
     units, others = [], 0
     for cell in cells:
         text = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
-        known = text.casefold().replace("deg ", "deg") in KNOWN
+        known = text.casefold().replace("deg ", "deg") in KNOWN or ((own := SCALED.search(text)) and own[0] == text)
         units.append(text if known or text != cell else "")
         others += bool(text) and not units[-1] and not _UNIT_WORD.search(text)
     return units if sum(map(bool, units)) > others else None

@@ -15,10 +15,7 @@ _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
 
 
 def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Read one table per sheet, or several if it has several time columns. A formula is read as its last value.
-
-    Sheets without rows of numbers are left out. If no sheet has such rows, the error of the first sheet is raised.
-    """
+    """Read a table per sheet that holds one, or per time column; of a formula its last value."""
     import openpyxl
 
     tables: list[LoggedTable] = []

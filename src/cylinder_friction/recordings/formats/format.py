@@ -109,8 +109,7 @@ MOST_INDIVISIBLE = 256 * 10**6  # Largest text that is read whole if it cannot b
 MOST_UNPACKED = 500 * 10**6  # Largest gzipped file that is read, unpacked in memory [bytes]
 GZIP = b"\x1f\x8b"
 _TAIL = 1 << 16
-_HANZI = rb"[\xa1-\xf7][\xa1-\xfe]"
-_GBK = re.compile(rb"(?=.*%b%b)(?:[\x00-\x7f]|%b)*[\xa1-\xf7]?" % ((_HANZI,) * 3), re.DOTALL)
+_GBK = re.compile(rb"(?=.*(?:[\xa1-\xf7][\xa1-\xfe]){2})(?:[\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*[\xa1-\xf7]?", re.DOTALL)
 """A Chinese text, which no cp1252 text is: letters beyond ASCII come in pairs, and two pairs in a row."""
 _BLOCK = 1 << 20  # Bytes that are read at once
 _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")

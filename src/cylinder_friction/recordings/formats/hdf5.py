@@ -17,8 +17,10 @@ from cylinder_friction.recordings.formats.channels import (
     unit_among,
 )
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
+from cylinder_friction.recordings.recording import RecordingError
 
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
+_STARTS = ("t0", "start", "start_time", "starttime", "wf_start_offset", "wf_start_time")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
 
 
@@ -31,7 +33,7 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     import h5py
 
     with h5py.File(source.handle(), "r") as file:
-        found, tables = Found(), []
+        found, tables, starts = Found(), [], dict[str, str]()
 
         def visit(path: str, node: Any) -> None:
             if not isinstance(node, h5py.Dataset):
@@ -43,11 +45,20 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
                 tables.append(table_of(channels, wanted, path))
             elif shape and node.dtype.kind in "biuf" and (channels := channels_of(path, node)):
                 unit, step_s = unit_among(node.attrs), _sample_time_s(node)
+                begins = (str(value) for key, value in node.attrs.items() if key.casefold() in _STARTS)
+                starts.update({path: next(begins, "0")} if step_s else {})
                 found.channels += [replace(each, unit=unit, sample_time_s=step_s) for each in channels]
             else:
                 found.others.append(path)
 
         file.visititems(visit)
+        by_start = {start.removesuffix(".0"): path for path, start in starts.items()}
+        if len(by_start) > 1:
+            (one, first), (other, second) = list(by_start.items())[:2]
+            raise RecordingError(
+                f"its datasets begin at different times: {first!r} at {one}, {second!r} at {other}; expected one; "
+                "write a time channel for each, or cut them to a common start"
+            )
         if found.channels or not tables:
             tables += tables_by_length(found, wanted, "/")
         return tables

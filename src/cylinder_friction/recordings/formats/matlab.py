@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cylinder_friction.recordings.formats import hdf5
-from cylinder_friction.recordings.formats.channels import Found, channels_of, tables_by_length
+from cylinder_friction.recordings.formats.channels import Found, channels_of, factors_among, tables_by_length
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 
 VERSION_5 = b"MATLAB 5.0 MAT-file"
@@ -45,6 +45,8 @@ def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = 
             walk(f"{path}{label or f'signals_{index}'}", signal.get("values"), found)
         return
     stated = next((struct[key] for key in ("unit", "units", "Unit", "Units") if key in struct), None)
+    if name and not isinstance(stated, dict) and (factors := factors_among(struct)):
+        unit, stated = f"{stated or unit}{factors}", None
     called, data = struct.get("Name"), struct.get("Data")
     if isinstance(called, str) and isinstance(data, np.ndarray):
         called = called.strip()

@@ -95,7 +95,7 @@ _ANY, _LONG = (
     for size in (1, 2)
 )
 _NUMBER, _FEW = r"\d+(?:[.,/]\d+)?", r"(?:[2-9]|10|100(?= ?[muμ]s)|\d+[.,/]\d+)"  # 100 bar may be the range of a sensor
-_SCALED = re.compile(
+SCALED = re.compile(
     rf"\((?:\s*{_FEW}|\s*[x*]\s*{_NUMBER}\s*)\s*(?:{_ANY})\s*\)$|(?<![A-Za-z\d.,/]){_FEW}(?:{_LONG})$"  # (5 ms), _2mm
     rf"|(?:\bin \d+|\d+[.,/]\d+) (?:{_ANY})$"  # in 10 ms, 1/1000 s
     rf"|(?<![A-Za-z])(?:{_LONG})[\])]?[\s_,(]*[*·x/] ?{_NUMBER}\)?$"  # [bar] *10, (kPa/10), bar (x2)
@@ -167,7 +167,7 @@ def unit_in_name(name: str) -> str | None:
     Text in square brackets is a unit, unless it is an index such as ``axis[1]``. Text in parentheses or after a slash
     may be a remark, and is a unit only if it is known. A factor makes a unit that is not known, such as ``2ms``.
     """
-    if scaled := _SCALED.search(name):
+    if scaled := SCALED.search(name):
         return scaled[0].strip("() ")
     match = _IN_BRACKETS.match(name)
     if match and match["unit"] and not match["unit"].isdigit():
