@@ -1,14 +1,16 @@
 import json
+import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.mass import MotionIdentification, identify_motion, motion_points
+from cylinder_friction.labelling.mass import MotionIdentification, identify_motion, missing_mass, motion_points
 from cylinder_friction.labelling.session import identify_session
 from cylinder_friction.labelling.strokes import stroke_points
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 STEP_S = 0.002
@@ -96,3 +98,15 @@ def test_mass_and_load_are_found_beside_each_other() -> None:
     grid = np.linspace(*found.load.range_m, 20)
     # The offset of -3 N is a load to all appearances.
     assert np.abs(found.load.load_n(grid) - (1997.0 + 3000.0 * grid)).max() < 15.0
+
+
+@pytest.mark.parametrize(("left_kg", "stated_kg", "named"), [(95.0, 6.0, True), (2.0, 6.0, False), (40.0, 60.0, False)])
+def test_a_mass_that_the_label_leaves_out_is_named(left_kg: float, stated_kg: float, named: bool) -> None:
+    force_n, position_m, velocity_m_s, _ = signals(left_kg, 1.0)
+    moved = {"position_m": position_m, "velocity_m_s": velocity_m_s, "drive_force_n": force_n, "friction_n": force_n}
+    columns = pd.DataFrame({"time_s": STEP_S * np.arange(len(force_n)), **moved, "usable": True})
+    words = missing_mass(Recording(RecordingMetadata("a", "1", "a", STEP_S), columns), stated_kg)
+    assert (
+        bool(re.match(r"friction changes with acceleration as 9\d to 9\d kg more than the stated 6 kg", words)) == named
+    )
+    assert bool(words) == named

@@ -26,12 +26,7 @@ Result = TypeVar("Result")
 
 
 def load_of(given: str | None) -> LoadMode | StatedLoad | None:
-    """Read how the load is known, or the constant load itself, from ``--load``.
-
-    Raises:
-        RecordingError: It is neither a mode nor a load in newtons.
-
-    """
+    """Read how the load is known, or the constant load itself, from ``--load``; ``RecordingError`` if it is neither."""
     if given is None or given in get_args(LoadMode):
         return cast("LoadMode | None", given)
     return StatedLoad.parsed(given)
@@ -84,19 +79,9 @@ def cylinder_of(given: str | None) -> Cylinder:
 def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:
     """Call a function on the logs of ``add_log_arguments``; return its result and the warnings it gave."""
     cylinder = cylinder_of(options.cylinder)
-    result, notes = collect_notes(
-        lambda: function(
-            options.logs,
-            cylinder,
-            options.output,
-            channels=options.channels,
-            load=load_of(options.load),
-            names=options.names,
-            units=units_of(options.unit),
-            sensor_class=options.sensor_class,
-            database=options.dbc,
-        )
-    )
+    given: dict[str, Any] = {"load": load_of(options.load), "units": units_of(options.unit), "database": options.dbc}
+    given |= {name: getattr(options, name) for name in ("channels", "names", "sensor_class")}
+    result, notes = collect_notes(lambda: function(options.logs, cylinder, options.output, **given))
     if options.cylinder is None:
         sizes = f"{1e3 * cylinder.bore_diameter_m:g} mm bore, {1e3 * cylinder.rod_diameter_m:g} mm rod"
         notes.insert(0, f"the cylinder is that of params.yaml, {cylinder.name} ({sizes}); state yours by --cylinder")

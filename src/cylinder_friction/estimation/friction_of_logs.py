@@ -19,6 +19,7 @@ from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.labelling.apparent_loss import ApparentLoss, named_loss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence, known_offsets, offset_evidence
 from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.mass import missing_mass
 from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
@@ -170,6 +171,7 @@ class RecordingFriction:
         about, given = recording.metadata, None if estimator is None else estimator.position_load
         known = (self.stated_load or self.labeller.load) if given is None else given.in_words()
         other, noisy, missed, fits = "", "", "", True
+        mass = missing_mass(recording, self.labeller.cylinder.moving_mass_kg) if estimator is None else ""
         another_load = given is not None and self.labeller.load == "none"
         if estimator is not None and estimator.bounds is not None and estimator.offset is None and not another_load:
             missed = label_missed(recording, estimator.bounds)  # The label has the same offset and load
@@ -194,7 +196,7 @@ class RecordingFriction:
             not_known=other or ("" if flags is None else unknown_in_words(rows, counts)),
             unlike_training="; ".join(filter(None, (noisy, missed))),
             load_left_n=known_number(load_n) if fits and holds_load(load_n, half_n) else None,
-            repairs=about.remarks,
+            repairs=(*about.remarks, *filter(None, [mass])),
             levels=friction_levels([recording]),
         )
 

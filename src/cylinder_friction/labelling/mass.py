@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.averages import Averages
 from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 SLOWEST_M_S = 1e-3
 """Speed below which a row excludes its block, as Coulomb's law ends at sticking [m/s]."""
 BLOCK_S, CLUSTER_S = 0.05, 1.0
 """Duration of a block, averaged before the regression, and of a cluster, whose residuals may be correlated [s]."""
 _LEAST_BLOCKS = 40
+_LEAST_SHARE = 0.1  # Least force of inertia left in a label, over its mean friction, that is worth a word
 _OUTLIER_MULTIPLE = 3.0
 """Huber's threshold, wide enough to keep the full weight of friction that is neither Coulomb nor viscous."""
 
@@ -136,3 +137,20 @@ def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: 
     )
     residual_n = float(np.sqrt(np.mean(fit.residuals**2)))
     return MotionIdentification(*mass, *viscous, *coulomb, *offset, residual_n, len(points), confidence)
+
+
+def missing_mass(labelled: Recording, stated_kg: float) -> str:
+    """State it if a label changes with acceleration as more than ``stated_kg`` of mass left out would; else empty."""
+    position_m, velocity_m_s, friction_n = map(labelled.column, ("position_m", "velocity_m_s", "friction_n"))
+    step_s, usable = labelled.sample_time_s, labelled.usable()
+    points = motion_points(friction_n, position_m, velocity_m_s, np.gradient(velocity_m_s, step_s), step_s, usable)
+    if len(points) < _LEAST_BLOCKS:
+        return ""
+    least_kg, most_kg = identify_motion(points, load_order=2).mass_interval_kg
+    inertia_n = least_kg * float(np.quantile(np.abs(points.acceleration_m_s2), 0.95))
+    if least_kg < stated_kg or inertia_n < _LEAST_SHARE * float(np.mean(np.abs(friction_n[usable]))):
+        return ""
+    return (
+        f"friction changes with acceleration as {least_kg:.0f} to {most_kg:.0f} kg more than the stated "
+        f"{stated_kg:.4g} kg would; check moving_mass_kg, which counts what the rod drives too"
+    )
