@@ -109,11 +109,6 @@ def _without_offsets(labelled: list[Recording], cylinder: Cylinder, why_not: str
     if why_not:
         return labelled, f"not identified: {why_not}"
     corrected = without_offsets(labelled, models)
-    names, known = (
-        {each.metadata.session for each in some}
-        for some in (corrected, [each for each in corrected if each.metadata.identified_zero])
-    )
-    return (
-        corrected,
-        f"identified from strokes in {len(known)} of {counted(len(names), 'session')} and subtracted from their labels",
-    )
+    known = {each.metadata.session: bool(each.metadata.identified_zero) for each in corrected}
+    sessions = counted(len(known), "session")
+    return corrected, f"identified from strokes in {sum(known.values())} of {sessions} and subtracted from their labels"

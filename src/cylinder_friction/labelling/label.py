@@ -100,11 +100,11 @@ class Labeller:
             )
             motion = (force_n, position_m, signals.velocity_m_s, signals.acceleration_m_s2)
             if self.load == "position":
-                plan, others = self.load_plan, other_positions(recording)
-                limits = step_s, plan.slowest_m_s, plan.settling_travel_m
+                limits = step_s, self.load_plan.slowest_m_s, self.load_plan.settling_travel_m
+                others = tuple(column for column in OTHER_POSITIONS if column in recording.columns)
                 others_m = recording.samples(others) if others else None
                 pressures = (recording.column(name) for name in PRESSURES if name in recording.columns)
-                pressure_pa = sum(pressures, np.zeros(len(recording)))  # 0 where the drive force is given instead
+                pressure_pa = sum(pressures, np.zeros(len(recording)))  # 0 if no pressures were recorded
                 strokes.append(stroke_points(*motion, pressure_pa, usable, *limits, others_m))
             if self.inertia == "identified":
                 blocks.append(motion_points(*motion, step_s, usable))
@@ -197,9 +197,7 @@ class Labeller:
                 f"recording {recording.name!r}: expected load and mass of its session (Labeller.identify), but got None"
             )
         position_m = recording.column("position_m")
-        cylinder = self.cylinder
-        if identified is not None and identified.moving_mass_kg != cylinder.moving_mass_kg:
-            cylinder = replace(cylinder, moving_mass_kg=identified.moving_mass_kg)
+        cylinder = replace(self.cylinder, moving_mass_kg=(identified or self.cylinder).moving_mass_kg)
         friction_n = friction_label(signals_of(recording), position_m, load_n, cylinder, self.stiffness)
         support = signal_filter.support(recording.sample_time_s)
         usable = usable_rows(position_m, cylinder.stroke_m, self.end_stop_margin_m, support)
@@ -307,11 +305,6 @@ def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
     who = changed.metadata
     known = {**who.uncertainty, LOAD_FORCE: SensorUncertainty(zero=0.0, span=0.0)} if who.uncertainty else {}
     return replace(changed, metadata=replace(who, uncertainty=known))
-
-
-def other_positions(recording: Recording) -> tuple[str, ...]:
-    """List a recording's columns with positions of other cylinders, on which its load may depend."""
-    return tuple(column for column in OTHER_POSITIONS if column in recording.columns)
 
 
 def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:

@@ -35,14 +35,10 @@ class Evidence:
 
     @classmethod
     def of(cls, columns: Array, effects: int, rows: NDArray[np.int64], stroke: NDArray[np.int64]) -> Self:
-        """Sum the evidence of groups whose rows follow one another.
+        """Sum the evidence of groups whose rows follow one another; ``rows`` counts those of each, shape ``(groups,)``.
 
-        Args:
-            columns: Columns of a group's own effects, then of the common coefficients, then the response, shape
-                ``(rows, columns)``.
-            effects: Number of a group's own effects.
-            rows: Number of rows of each group, shape ``(groups,)``.
-            stroke: Number of each row's stroke, ascending, shape ``(rows,)``; no stroke spans two groups.
+        ``columns``, shape ``(rows, columns)``, are those of a group's own ``effects``, then of the common coefficients,
+        then the response. ``stroke`` numbers each row's stroke, ascending; no stroke spans two groups.
         """
         first, ends, size = np.flatnonzero(np.diff(stroke, prepend=-1)), np.cumsum(rows), columns.shape[1] - effects
         counts, sums = np.diff(first, append=len(stroke)), np.add.reduceat(columns, first)
@@ -69,12 +65,9 @@ class Evidence:
     def reduced(self, noise: float, stroke: float, deviations: Array) -> Reduced:
         """Build the normal equations of the common coefficients, with the groups' own effects eliminated.
 
-        Rows of a stroke are equally correlated, so their sums suffice to invert their covariance.
-
-        Args:
-            noise: Standard deviation of a row.
-            stroke: Standard deviation of the error that the rows of a stroke share.
-            deviations: Prior standard deviations of the groups' own effects, shape ``(groups, effects)``.
+        ``noise`` is the standard deviation of a row, and ``stroke`` that of the error which the rows of a stroke share:
+        they are equally correlated, so their sums suffice to invert their covariance. ``deviations`` are the prior ones
+        of the groups' own effects, shape ``(groups, effects)``.
         """
         ratio, effects = (stroke / noise) ** 2, deviations.shape[1]
         growth, own_weights = 1.0 + ratio * self.lengths, ratio / (1.0 + ratio * self.own_lengths)

@@ -24,10 +24,10 @@ class Section(BaseModel):
 Kind = TypeVar("Kind", bound=Section)
 
 
-def checked(kind: type[Kind], content: Any, where: str, guide: str = "") -> Kind:
+def checked(kind: type[Kind], content: Any, where: str) -> Kind:
     """Check a configuration and return typed parameters; an error names every invalid key.
 
-    ``where`` names the source for the message; ``guide`` names the guide to a file's keys if conf/ does not make it.
+    ``where`` names the source for the message.
 
     Raises:
         ParamsError: A key is unknown or missing, a type is wrong, or a value is impossible.
@@ -36,17 +36,15 @@ def checked(kind: type[Kind], content: Any, where: str, guide: str = "") -> Kind
         # As JSON, because strict mode then accepts a mapping for a dataclass and a list for a tuple.
         return kind.model_validate_json(json.dumps(content, default=str))
     except ValidationError as error:
-        lines = [_explain(dict(problem), where, guide) for problem in error.errors()]
+        lines = [_explain(dict(problem), where) for problem in error.errors()]
         raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
 
 
-def _explain(problem: dict[str, Any], where: str, guide: str) -> str:
+def _explain(problem: dict[str, Any], where: str) -> str:
     key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
     if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        return f"{key}: unknown key; check its spelling against {guide or 'conf/'}"
+        return f"{key}: unknown key; check its spelling against conf/"
     if problem["type"] == "missing":
-        if guide:
-            return f"{key}: missing; see {guide}"
         if Path(where).name == PARAMS_FILE.name:
             return f"{key}: missing; run the command `params` to compose it from conf/"
         return (

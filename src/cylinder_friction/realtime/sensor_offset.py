@@ -124,7 +124,9 @@ class OffsetTracker(NamedTuple):
         Raises:
             ValueError: A number is not finite, or the uncertainty negative.
         """
-        refuse_impossible(offset_n, uncertainty_n)
+        if not math.isfinite(offset_n) or not 0.0 <= (uncertainty_n or 0.0) < math.inf:
+            got = f"{offset_n!r} and {uncertainty_n!r}"
+            raise ValueError(f"expected a finite offset and an uncertainty of at least 0 N, but got {got}")
         deviations = self.prior.copy()
         if uncertainty_n is not None:  # stated as given, apart from the part that all sessions share
             own_n = math.sqrt(max(uncertainty_n**2 - self.settings.common_n**2, 0.0))
@@ -152,18 +154,6 @@ class OffsetTracker(NamedTuple):
 
 _NONE = np.zeros((0, 0))
 NO_TRACKER = OffsetTracker(_NONE, OffsetSettings(*[0.0] * 18), _NONE.ravel(), _NONE.ravel(), _NONE, _NONE.ravel())
-
-
-def refuse_impossible(offset_n: float, uncertainty_n: float | None) -> None:
-    """Refuse an impossible offset or uncertainty to start from; None stands for an unknown uncertainty.
-
-    Raises:
-        ValueError: A number is not finite, or the uncertainty negative.
-    """
-    if not math.isfinite(offset_n) or not 0.0 <= (uncertainty_n or 0.0) < math.inf:
-        raise ValueError(
-            f"expected a finite offset and an uncertainty of at least 0 N, but got {offset_n!r} and {uncertainty_n!r}"
-        )
 
 
 @compiled_part

@@ -72,15 +72,9 @@ def write_friction_page(
 ) -> None:
     """Write the page whole, beside its panes; equal input makes equal bytes.
 
-    Args:
-        path: Path of the HTML file.
-        rows: Name, start, friction [N], usable share and remarks of every recording, and of every refused file with an
-            empty share.
-        offsets: The pressure sensors' offset in each session, as far as it is known; empty with an estimator.
-        bounds: What lies between the bounds, in words.
-        levels: Tables from ``level_tables``.
-        guessed: The file that channels and units were guessed from, with the guess for each column; None if a mapping
-            states them.
+    ``rows`` hold name, start, friction [N], usable share and remarks of every recording, and of every refused file with
+    an empty share. ``offsets`` are empty with an estimator. ``bounds`` states what lies between the bounds, ``levels``
+    are of ``level_tables``, and ``guessed`` is as in ``FrictionOfLogs``.
     """
     cells: list[list[str | Cell]] = [
         [

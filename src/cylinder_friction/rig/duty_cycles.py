@@ -136,21 +136,14 @@ def _stroke(rig: RigParameters, generator: Generator, direction: float) -> list[
         target = lever_for_speed(rig, direction * math.exp(generator.uniform(math.log(0.008), math.log(0.07))))
         target *= float(np.clip(generator.normal(1.0, 0.04), 0.9, 1.1))
     low, high = _limits(rig, generator)
-    reaction_s = float(generator.uniform(0.2, 0.4))
+    reaction_s = generator.uniform(0.2, 0.4)
     overshoot = 1.0 + abs(generator.normal(0.0, 0.06))
-    first = _row(
-        float(np.clip(target * overshoot, -1.0, 1.0)),
-        float(generator.uniform(0.12, 0.5)),
-        float(generator.uniform(0.05, 0.3)),
-        low,
-        high,
-        reaction_s,
-    )
-    rows = [first]
+    quick = float(np.clip(target * overshoot, -1.0, 1.0))
+    rows = [_row(quick, generator.uniform(0.12, 0.5), generator.uniform(0.05, 0.3), low, high, reaction_s)]
     for _ in range(generator.integers(1, 3)):
         corrected = float(np.clip(target * generator.normal(1.0, 0.03), -1.0, 1.0))
-        hold_s = float(generator.uniform(0.6, 3.0))
-        rows.append(_row(corrected, float(generator.uniform(0.1, 0.3)), hold_s, low, high, reaction_s, chained=True))
+        hold_s = generator.uniform(0.6, 3.0)
+        rows.append(_row(corrected, generator.uniform(0.1, 0.3), hold_s, low, high, reaction_s, chained=True))
     return rows
 
 
@@ -160,6 +153,6 @@ def _inching(rig: RigParameters, generator: Generator, direction: float) -> list
     rows: list[Row] = []
     for _ in range(generator.integers(2, 6)):
         lever = lever_for_speed(rig, direction * generator.uniform(0.008, 0.03))
-        rows.append(_row(lever, float(generator.uniform(0.12, 0.2)), float(generator.uniform(0.05, 0.25)), low, high))
-        rows.append(_row(0.0, float(generator.uniform(0.1, 0.2)), float(generator.uniform(0.15, 0.6))))
+        rows.append(_row(lever, generator.uniform(0.12, 0.2), generator.uniform(0.05, 0.25), low, high))
+        rows.append(_row(0.0, generator.uniform(0.1, 0.2), generator.uniform(0.15, 0.6)))
     return rows

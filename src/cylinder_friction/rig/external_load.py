@@ -33,22 +33,11 @@ over 250 mm of stroke the load changes from 1960 N against extension to 2040 N w
 
 @dataclass(frozen=True)
 class ExternalLoad:
-    """A load for the simulation; raises ``ValueError`` if the shapes do not fit, or a value is not finite."""
+    """A load for the simulation."""
 
     force_n: Array  # Force that depends on time alone, one value per millisecond, shape ``(ticks,)`` [N]
     share: Array  # Share of ``along_n`` that acts, one value per millisecond, shape ``(ticks,)``
     along_n: Array  # Force at positions spaced evenly from 0 to the stroke, shape ``(places,)`` [N]
-
-    def __post_init__(self) -> None:
-        if self.force_n.ndim != 1 or self.force_n.shape != self.share.shape or self.along_n.ndim != 1:
-            raise ValueError(
-                "expected force_n and share of one length and along_n, one dimension each, but got shapes "
-                f"{self.force_n.shape}, {self.share.shape} and {self.along_n.shape}"
-            )
-        if len(self.along_n) < 2:
-            raise ValueError(f"along_n: expected at least 2 values, but got {len(self.along_n)}")
-        if not all(np.isfinite(values).all() for values in (self.force_n, self.share, self.along_n)):
-            raise ValueError("expected finite forces, but got NaN or infinity")
 
     @classmethod
     def of_time(cls, force_n: Array) -> ExternalLoad:

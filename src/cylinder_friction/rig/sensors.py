@@ -11,6 +11,7 @@ from scipy import signal
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.rig.parameters import BAR_PA, SensorParameters
+from cylinder_friction.rig.simulate import whole_steps
 
 LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]", "Oil temperature [degC]")
 LOAD_COLUMN = "Load [N]"
@@ -38,11 +39,7 @@ def measure(
         ValueError: The trace's time step does not divide the sample time.
     """
     log_step_s = float(trace["time_s"].iloc[1] - trace["time_s"].iloc[0])
-    stride = round(sensors.sample_time_s / log_step_s)
-    if stride < 1 or abs(stride * log_step_s - sensors.sample_time_s) > 1e-9:
-        raise ValueError(
-            f"sample_time_s: got {sensors.sample_time_s} s, but expected a multiple of the trace's step {log_step_s} s"
-        )
+    stride = whole_steps(sensors.sample_time_s, log_step_s, "sample_time_s", "the trace's step")
     time_s = trace["time_s"].to_numpy()[::stride]
     columns: dict[str, Array] = {LOGGER_COLUMNS[0]: time_s}
     for side in (0, 1):

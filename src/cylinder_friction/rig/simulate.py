@@ -79,8 +79,8 @@ def simulate(
     Raises:
         ValueError: Two times do not fit together, the lever or the load is too short, or the state is no longer finite.
     """
-    tick_steps = _whole(TICK_S, time_step_s, "the operator's tick of 0.001 s", "time_step_s")
-    rows = _whole(duration_s, TICK_S, "duration_s", "the operator's tick")
+    tick_steps = whole_steps(TICK_S, time_step_s, "the operator's tick of 0.001 s", "time_step_s")
+    rows = whole_steps(duration_s, TICK_S, "duration_s", "the operator's tick")
     ticks = rows + 2
     if drift is None:
         drift = np.ones(2)
@@ -112,7 +112,8 @@ def simulate(
     return pd.DataFrame(trace, columns=list(TRACE_COLUMNS))
 
 
-def _whole(long: float, short: float, long_name: str, short_name: str) -> int:
+def whole_steps(long: float, short: float, long_name: str, short_name: str) -> int:
+    """Divide a time by a shorter one [s]; raise ``ValueError`` with both names unless it is a multiple."""
     count = round(long / short)
     if count < 1 or not math.isclose(count * short, long, rel_tol=1e-9):
         raise ValueError(f"{long_name}: got {long} s, but expected a multiple of {short_name}, {short} s")

@@ -94,26 +94,23 @@ def draw_session(
     day = float(np.clip(generator.normal(1.0, 0.03), 0.95, 1.05))
     count = math.ceil(duration_s / DRIFT_STEP_S) + 4
     wander = np.clip(ornstein_uhlenbeck(generator, count, DRIFT_STEP_S, 300.0, 0.015), -0.03, 0.03)
-    sensors = _calibrated(rig.sensors, generator, zeroed, residual_offset_pa)
+    offset_pa = generator.uniform(-1.0, 1.0, 2) * (residual_offset_pa if zeroed else 0.005 * 250.0 * BAR_PA)
+    gain = 1.0 + generator.uniform(-1.0, 1.0, 2) * (0.0005 if zeroed else 0.003)
     temperature_c = float(generator.uniform(24.0, 46.0))
     load_offset_n, load_gain = generator.uniform(-1.0, 1.0, 2)
-    sensors = replace(sensors, load_offset_n=7.0 * float(load_offset_n), load_gain=1.0 + 0.001 * float(load_gain))
+    sensors = replace(
+        rig.sensors,
+        pressure_offset_pa=tuple(offset_pa.tolist()),
+        pressure_gain=tuple(gain.tolist()),
+        load_offset_n=7.0 * float(load_offset_n),
+        load_gain=1.0 + 0.001 * float(load_gain),
+    )
     off, asymmetry = asymmetry_off + asymmetry_sd * float(generator.standard_normal()), rig.friction.asymmetry
     if off:
         ratio = (1.0 + asymmetry) / (1.0 - asymmetry) + off
         asymmetry = (ratio - 1.0) / (ratio + 1.0)
     rig = replace(rig, sensors=sensors, friction=replace(rig.friction, asymmetry=asymmetry))
     return Session(rig, temperature_c, np.asarray(day + wander))
-
-
-def _calibrated(
-    sensors: SensorParameters, generator: Generator, zeroed: bool, residual_offset_pa: float
-) -> SensorParameters:
-    offset = generator.uniform(-1.0, 1.0, 2) * (residual_offset_pa if zeroed else 0.005 * 250.0 * BAR_PA)
-    gain = 1.0 + generator.uniform(-1.0, 1.0, 2) * (0.0005 if zeroed else 0.003)
-    return replace(
-        sensors, pressure_offset_pa=(float(offset[0]), float(offset[1])), pressure_gain=(float(gain[0]), float(gain[1]))
-    )
 
 
 def draw_wide_rig(rig: RigParameters, generator: Generator) -> RigParameters:

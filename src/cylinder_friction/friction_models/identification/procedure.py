@@ -92,14 +92,11 @@ def identify(
     velocity decides which one the model uses.
 
     Args:
-        model: The friction model to identify.
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``), one sample time.
         velocities: Candidates by name: functions from a recording to the velocity that drives the model, zero at
             standstill [m/s].
         pressure: Function from a recording to the pressure that scales dry friction [Pa]; None if the model uses none.
-        effort: Budget of the search.
-        mass_kg: Moving mass [kg].
-        damping_ratio: Damping ratio of that mass on the bristles.
+        mass_kg, damping_ratio: Moving mass [kg], and its damping ratio on the bristles.
         dead_band_m_s: Speed in the labels below which the piston counts as standing [m/s].
         confidence: Probability of the confidence intervals.
         offset_n: Standard uncertainty of an offset in all friction, as sensors' zeros cause [N].
@@ -108,13 +105,8 @@ def identify(
             they do not.
 
     Raises:
-        ValueError: The model needs a pressure but gets none, or the reverse; or steady sliding gives too few points.
+        ValueError: Steady sliding gives too few points.
     """
-    if model.pressure_scaled != (pressure is not None):
-        raise ValueError(
-            f"{model.name}: expected {'a' if model.pressure_scaled else 'no'} pressure to scale dry friction, "
-            f"but got {pressure!r}"
-        )
     time_s = recordings[0].sample_time_s
     thinner = max(1, int(SEARCH_STEP_S / time_s + 1e-6))
     points = steady_points(recordings, dead_band_m_s)

@@ -172,8 +172,6 @@ def _curve(figure: PageFigure, view: FrictionView, curve: StribeckCurve) -> None
     """Add the curve to both panels, over the range of speeds that were seen."""
     for way, dash in ((1.0, "solid"), (-1.0, "dash")):
         speeds = [abs(point.velocity_m_s) for point in view.points if point.velocity_m_s * way > 0.0]
-        if not speeds:
-            continue
         seen = np.geomspace(min(speeds), max(speeds), CURVE_POINTS)
         friction = curve.friction(way * seen)
         name, line = "Stribeck curve", {"color": INK, "width": 2}
