@@ -109,23 +109,17 @@ class FrictionModel:
         self, curve: StribeckCurve, stiffness_n_m: float, reference_pressure_pa: float = 0.0
     ) -> ModelParameters:
         """Choose the start of a search; the reference pressure causes part of the curve's Coulomb friction."""
-        slope = 0.0
-        for spec in self.searched:
-            if spec.relative_to == "pressure" and spec.first is not None and reference_pressure_pa > 0.0:
-                slope = spec.first * curve.coulomb_n / reference_pressure_pa
+        share = next((spec.first or 0.0 for spec in self.searched if spec.relative_to == "pressure"), 0.0)
+        slope = share * curve.coulomb_n / reference_pressure_pa if reference_pressure_pa > 0.0 else 0.0
         kept = 1.0 - slope * reference_pressure_pa / curve.coulomb_n
-        measured = {
+        measured = vars(curve) | {
             "coulomb_n": kept * curve.coulomb_n,
             "static_n": kept * curve.static_n,
-            "stribeck_velocity_m_s": curve.stribeck_velocity_m_s,
-            "stribeck_exponent": curve.stribeck_exponent,
-            "viscous_n_s_m": curve.viscous_n_s_m,
             "bristle_stiffness_n_m": stiffness_n_m,
             "bristle_damping_n_s_m": 0.0,
             "damping_velocity_m_s": curve.stribeck_velocity_m_s,
             "film_velocity_m_s": curve.speed_of_least_friction(),
             "regularising_velocity_m_s": curve.coulomb_n / stiffness_n_m / _PRESLIDING_S,
-            "retract_ratio": curve.retract_ratio,
             "pressure_slope_n_pa": slope,
         }
         return self.parameter_class(**{spec.name: measured.get(spec.name, spec.first) for spec in self.specs})

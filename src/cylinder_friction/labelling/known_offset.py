@@ -334,11 +334,7 @@ def _known(
     else:
         count = len(model.sessions)
         together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
-        return _from_strokes(
-            found,
-            f"{_counted(found, plan)}, {found.sliding_s:.0f} s, {together}",
-            condition_n,
-        )
+        return _from_strokes(found, f"{_counted(found, plan)}, {found.sliding_s:.0f} s, {together}", condition_n)
     stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))
     source = NOTHING if math.isnan(stated_n) else STATED
     return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n, doubt=doubt)

@@ -279,8 +279,8 @@ def _polynomials(
 ) -> Array:
     """Compute all products of the Legendre polynomials in each position, shape ``(n, products)``."""
     products = legendre.legvander(_scaled(positions_m[:, 0], range_m), order)
-    for other_m, extent_m in zip(positions_m.T[1:], coverage.extents_m, strict=True):
-        along = legendre.legvander(_scaled(other_m, extent_m), other_order)
+    for other_m, first_m, count in zip(positions_m.T[1:], coverage.first_m, coverage.counts, strict=True):
+        along = legendre.legvander(_scaled(other_m, (first_m, first_m + count * coverage.cell_m)), other_order)
         products = (products[:, :, None] * along[:, None, :]).reshape(len(products), -1)
     return np.asarray(products)
 

@@ -111,12 +111,6 @@ class Covered:
         return np.column_stack([along, *others])
 
     @property
-    def extents_m(self) -> list[tuple[float, float]]:
-        """Range of all cells of each other position, known or not [m]."""
-        of_each = zip(self.first_m, self.counts, strict=True)
-        return [(first_m, first_m + count * self.cell_m) for first_m, count in of_each]
-
-    @property
     def ranges_m(self) -> list[tuple[float, float]]:
         """Lowest and highest known value of each other position [m]."""
         others_m, half_m = self.middles_m[:, 1:], 0.5 * self.cell_m

@@ -24,8 +24,7 @@ def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter:
     step_s = recording.sample_time_s
     variance = np.square(signal_filter.deviation(force_n, step_s))
     if LOAD_FORCE in recording.columns:
-        load_n = recording.column(LOAD_FORCE)
-        variance += np.square(signal_filter.deviation(load_n, step_s))
+        variance += np.square(signal_filter.deviation(recording.column(LOAD_FORCE), step_s))
     return np.asarray(np.sqrt(variance))
 
 

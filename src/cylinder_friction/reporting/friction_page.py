@@ -19,14 +19,14 @@ from cylinder_friction.evaluation.friction_levels import (
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M
 from cylinder_friction.reporting.inspection.friction_figures import (
     cloud_against_velocity,
     measured_panels,
     of_recordings,
+    velocity_panel,
 )
 from cylinder_friction.reporting.page import NONE, Cell, Line, Panel, Table, number_cell, over_time, packed, page_html
-from cylinder_friction.reporting.style import BROWN, GREEN, PALE, QUIET
+from cylinder_friction.reporting.style import GREEN, PALE, QUIET
 
 POINTS = 1000
 
@@ -50,8 +50,7 @@ def friction_pane(recording: Recording) -> str:
     if "label_n" in recording.columns:
         friction.append(Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0))
     friction.append(Line("friction", friction_n, GREEN, 1.5))
-    velocity = Line("velocity, extending positive", MM_PER_M * velocity_m_s, BROWN)
-    panels = [Panel("friction [N]", friction, 1.6), Panel("velocity [mm/s]", [velocity]), *measured_panels(recording)]
+    panels = [Panel("friction [N]", friction, 1.6), velocity_panel(velocity_m_s), *measured_panels(recording)]
     html = page_html(
         "templates/friction_pane.html.j2",
         title=recording.name,
@@ -152,18 +151,11 @@ def level_tables(
             "factor of two) or of equal direction. What is left with all three equal, ± twice its standard error, is "
             "not explained by them. "
         )
-        rows = [
-            [
-                each.name,
-                *map(number_cell, (each.friction_n, each.differs_n, *each.left_n.values())),
-                *(
-                    (NONE, NONE, NONE)
-                    if each.equal is None
-                    else map(number_cell, (each.equal.newtons, each.equal.half_width_n, each.equal.seconds))
-                ),
-            ]
-            for each in found
-        ]
+        rows: list[list[str | Cell]] = []
+        for each in found:
+            equal = [getattr(each.equal, name, None) for name in ("newtons", "half_width_n", "seconds")]
+            numbers = each.friction_n, each.differs_n, *each.left_n.values(), *equal
+            rows.append([each.name, *map(number_cell, numbers)])
         factors = [f"equal {factor} [N]" for factor in found[0].left_n]
         head = ("recording", "steady sliding [N]", "differs by [N]", *factors, "all three [N]", "± [N]", "compared [s]")
         if sentence := in_words(found):

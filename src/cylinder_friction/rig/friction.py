@@ -65,19 +65,15 @@ def direction_factor(f: Any, direction: float) -> float:
 
 
 @numba.njit(cache=True)
-def steady_film(f: Any, velocity_m_s: float, viscosity: float) -> float:
-    """Compute the film at constant speed, ``h_ss = K_f min(|v|, v_b)^(2/3)`` [-]."""
-    part = min(abs(velocity_m_s) * viscosity / f.film_velocity_m_s, 1.0)
-    return (1.0 - 1.0 / f.static_ratio) * part ** (2.0 / 3.0)
-
-
-@numba.njit(cache=True)
 def film_rate(f: Any, film: float, velocity_m_s: float, viscosity: float) -> tuple[float, float]:
-    """Compute the film's limit [-] and rate [1/s]; it builds fast and thins slowly, slowest at rest."""
-    target = steady_film(f, velocity_m_s, viscosity)
+    """Compute the film's limit, ``h_ss = K_f min(|v|, v_b)^(2/3)`` [-], and its rate [1/s].
+
+    It builds fast and thins slowly, slowest at rest.
+    """
+    speed = abs(velocity_m_s)
+    target = (1.0 - 1.0 / f.static_ratio) * min(speed * viscosity / f.film_velocity_m_s, 1.0) ** (2.0 / 3.0)
     if film <= target:
         return target, 1.0 / f.film_build_s
-    speed = abs(velocity_m_s)
     moving = speed / (speed + f.dwell_velocity_m_s)
     return target, (1.0 - moving) / f.film_dwell_s + moving / f.film_squeeze_s
 

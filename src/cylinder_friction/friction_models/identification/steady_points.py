@@ -154,8 +154,7 @@ def _binned(one_way: SteadySliding, slowest_m_s: float, rows_per_point: int) -> 
 
 def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:
     """Fit a curve through points of steady sliding; return None and the reason if they do not determine one."""
-    problem = undetermined(points) if points else ""
-    if problem:
+    if points and (problem := undetermined(points)):
         return None, problem
     try:
         curve = curve_through(points)

@@ -219,14 +219,12 @@ def measured_panels(recording: Recording) -> list[Panel]:
 
 def calculated_panels(view: FrictionView) -> list[Panel]:
     """List the panels of velocity and friction; friction has gaps at rows that are not usable."""
-    friction_n = np.where(view.usable, view.friction_n, np.nan)
-    return [
-        Panel(
-            "velocity [mm/s]",
-            (Line("velocity, extending positive", MM_PER_M * view.signals.velocity_m_s, BROWN),),
-        ),
-        Panel(f"{view.friction_name} [N]", (Line(view.friction_name, friction_n, GREEN),), 1.3),
-    ]
+    friction = Line(view.friction_name, np.where(view.usable, view.friction_n, np.nan), GREEN)
+    return [velocity_panel(view.signals.velocity_m_s), Panel(f"{view.friction_name} [N]", [friction], 1.3)]
+
+
+def velocity_panel(velocity_m_s: Array) -> Panel:
+    return Panel("velocity [mm/s]", [Line("velocity, extending positive", MM_PER_M * velocity_m_s, BROWN)])
 
 
 def stribeck_table(view: FrictionView) -> tuple[Table | None, str]:
