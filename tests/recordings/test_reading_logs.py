@@ -153,7 +153,6 @@ def plain(logs: Path, folder: Path, pressure: float = 1.0, position: float = 1.0
         ({"pressure": 1e5, "position": 0.1}, r"length of 'x' \(values .*\) fits mm or cm; .*--unit length=mm"),
         ({"pressure": 1e5, "time": 20.0}, r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s or --unit ti"),
         ({"pressure": 1e5, "time": 1e3}, r"fits ms or another unit; .* time=ms or the rate .* time=200Hz \(in Py"),
-        ({"pressure": 1e-5}, r"pressure of 'p1' .* fits no usual unit; .*--unit pressure=UNIT "),
     ],
 )
 def test_units_that_the_values_leave_open_are_refused(

@@ -167,11 +167,7 @@ class Recipe:
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: Load) -> Recipe:
-        """Make the recipe from an ingest configuration (``conf/ingest/*.yaml`` as nested dictionaries).
-
-        ``settings`` contains ``channels``; other keys are optional. Recordings are checked against the cylinder's
-        stroke and areas.
-        """
+        """Make the recipe from an ingest configuration with ``channels`` and optional other keys."""
         kinds: dict[str, Any] = {"csv": CsvOptions, "time": TimeRules, "start": StartRules, "checks": CheckRules}
         given_rules = {name: settings.get(name, {}) for name in kinds}
         known_keys = [(settings, KEYS), *((given_rules[name], vars(own())) for name, own in kinds.items())]

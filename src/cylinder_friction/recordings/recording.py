@@ -151,10 +151,7 @@ class Recording:
     columns: Columns
 
     def __init__(self, metadata: RecordingMetadata, columns: Columns | pd.DataFrame) -> None:
-        """Check columns or a table's columns, and keep them without a copy.
-
-        ``RecordingError`` if a column is missing or of another shape, or a measured one contains NaN or infinity.
-        """
+        """Check a table's columns, and keep them without a copy; refuse missing ones, other shapes and NaN."""
         own = {str(name): _read_only(values) for name, values in columns.items()}
         self.__dict__.update(metadata=metadata, columns=own)
         if missing := missing_columns(self.columns):

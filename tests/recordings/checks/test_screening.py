@@ -94,8 +94,6 @@ def ringing(frequency_hz: float, decay_s: float) -> Array:
         np.where(TIME_S < 10.0, 1e5, 60e5) + pressure(),  # a valve opens
         pressure() + 5e5 * (np.arange(ROWS) // 4 % 2),  # stick-slip as fast as can be
         np.where(np.arange(ROWS) % 500 < 4, 60e5, 40e5),  # four rows are an event
-        np.full(ROWS, 4e6),
-        np.arange(ROWS) * 1e3,
     ],
 )
 def test_what_hydraulics_do_is_no_spike(values: Array) -> None:

@@ -161,6 +161,7 @@ def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], no
             "one line per channel, as 'p' with 2000 values; .*T.t",
         ),
         ("t,p\ns,bar\nScale,1,0.1\n" + ROWS, "holds factors above its rows, 'Scale,1,0.1', and nothing shows whether"),
+        ("X0,0,0.5\nt,p\n" + ROWS, "states different starts of its channels, 'X0,0,0.5'; expected one; write a time"),
         ("t,p\n", r"no rows of numbers were found \(lines searched: 1\)"),
         (LABVIEW + ROWS * 99 + ",\n" + LABVIEW[LABVIEW.index("Chan") :], "two logs or segments"),
         ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 instead of 2 values: '5'; correct it, or cut"),

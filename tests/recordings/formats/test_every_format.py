@@ -122,7 +122,6 @@ BINARY = bytes(range(256)) * 4
         ("log.asc", b"date Sat Mar 14 08:15:00 2026\nbase hex\n", "is a trace of CAN frames .ASC.: export its signals"),
         ("log.csv", BINARY, r"neither text nor a known binary log: it begins with b'\\x00\\x01"),
         ("log.csv", b"\x1f\x8b\x08\0\0\0\0\0\0\0\xff\xff", "its gzip cannot be unpacked: .*; the file is damaged or c"),
-        ("rec.svdx", BINARY, "neither text .*; export it so from its own program"),
     ],
 )
 def test_what_is_no_log_is_refused_by_name(tmp_path: Path, name: str, content: bytes, message: str) -> None:

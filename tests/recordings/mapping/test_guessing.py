@@ -12,7 +12,7 @@ import yaml
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.logs import NameRules
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, units_agree
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
 from cylinder_friction.recordings.recording import RecordingError
@@ -58,7 +58,8 @@ NAMINGS: list[tuple[str, str, str, str]] = [
     ("Time", "PistonPressure", "Kolbenstangendruck", "s [mm]"),
     ("Time [s]", "Head end [bar]", "Rod end [bar]", "Position [mm]"),
     ("Time [s]", "Cap [bar]", "Head [bar]", "Position [mm]"),
-    ("时间 [s]", "无杆腔压力 [bar]", "有杆腔压力 [bar]", "位移 [mm]"),
+    ("时间（秒）", "无杆腔压力 [bar]", "有杆腔压力【bar】", "位移（毫米）"),
+    ("Время, с", "Давление в поршневой (бар)", "Давление в штоковой (бар)", "Положение (мм)"),
     ("Time [s]", "Ch 2 Pressure B bore [bar]", "P1 rod (port A) [bar]", "x [mm]"),
     ("Time (s)", "Pressure bore (bar)", "Pressure annulus (bar)", "Piston position (mm)"),
 ]
@@ -72,7 +73,8 @@ def test_usual_names_are_understood_in_any_order(names: tuple[str, str, str, str
     columns = ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")
     assert names_of(text) == dict(zip(columns, names, strict=True))
     assert "which side" not in text
-    assert [channels_of(text)[column]["unit"].split()[0] for column in columns] == ["s", "bar", "bar", "mm"]
+    for column, unit in zip(columns, ("s", "bar", "bar", "mm"), strict=True):
+        assert units_agree(channels_of(text)[column]["unit"].split()[0], unit)
     for entry in channels_of(text).values():
         ChannelMapping.from_dict(entry)
 
@@ -133,6 +135,7 @@ def test_units_are_taken_from_the_file_or_guessed_and_signals_get_a_sensor_to_fi
     assert "unit MPa as stated" in comment_of(text, "pressure_1_pa")
     assert "values 0 to 30 fit MPa" in comment_of(text, "pressure_2_pa")
     assert "CHECK: the unit is stated nowhere; bar or psi would fit too" in comment_of(text, "pressure_2_pa")
+    assert "'pA [bar]' states the unit 'psi or bar'" in text_of({"pA [bar]": P1}, {"pA [bar]": "psi"})
     text = text_of({"t": TIME, "p_abs_A [bar]": P1, "Absolutdruck B [psi]": P2, "x [mm]": X})
     assert [entry["unit"] for entry in channels_of(text).values()] == ["s", "bar abs", "psi abs", "mm"]
     text = text_of(values, {"p1": "V", "p2": "mA"})

@@ -38,8 +38,6 @@ def missing(rows: list[int], *, also: str = "b") -> dict[str, Signal]:
         (np.arange(ROWS) / 200.003, None, 0.005),
         (np.arange(ROWS) / 200.003, 200.0, 0.005),
         (np.round(np.arange(ROWS) / 600.0, 3), None, 1 / 600.0),
-        (np.arange(ROWS) / 44.7, None, 1 / 44.7),
-        (1e6 + EVEN_S, None, 0.005),
         (np.round(np.arange(ROWS) / 300.0, 3), None, 1 / 300.0),
         (EVEN_S + np.random.default_rng(0).uniform(-5e-5, 5e-5, ROWS), None, 0.005),
         (EVEN_S * (1.0 + 2e-5 * np.arange(ROWS) / ROWS), None, 0.005),

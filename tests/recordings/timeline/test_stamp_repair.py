@@ -58,7 +58,6 @@ def test_a_clock_set_back_by_an_hour_is_named(by_s: float, hour: str) -> None:
         (lambda time_s: time_s + 20260314081500.0, "at most 5 %; write a date such as 20260314081500.005 as 2026-03-"),
         (lambda time_s: np.random.default_rng(0).permutation(time_s), "time_s goes back in row "),
         (rows(1, 0), "goes back in row 102, from 0.505 to 0.5 s, and does not run on from there: rows are swapped, or"),
-        (rows(*range(8, 16), *range(8)), "goes back in row 109, from 0.575 to 0.5 s"),
         (lambda time_s: np.r_[time_s[:-2], time_s[[-1, -2]]], "goes back in row 400, from 1.995 to 1.99 s"),
         (stamps({50: 9e9, 51: 9e9}), "goes back in row 53, from 9e+09 to 0.26 s"),
         (back(150, 0.0062), "goes back in row 151, from 0.745 to 0.7438 s"),

@@ -46,6 +46,8 @@ NOISY_S, NOISIER, FAINT, HELD = 0.5, 20.0, 1e-3, 0.6
 """Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
 share of the stroke. Values are held if at most this share of its rows has a new one."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
+IN_TURN, MIXED, LEAST_MIXED = (1, 2, 3, 4), 5.0, 0.02
+"""Rows over which changes are compared; ratio of changes, and share of the range, above which rows are mixed."""
 FEWEST_HOLDS, EVEN_HOLDS, LATE_HOLD, LARGE_STEPS = 20, 0.75, 0.2, 0.1
 """Of a signal that is refreshed less often than logged: fewest refreshes, least share at the usual distance, largest
 deviation from it, and least share of larger steps, because slow motion passes the steps of a converter as evenly."""
@@ -127,7 +129,8 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
         for name, values in columns.items()
         if name not in (TIME, OIL_TEMPERATURE)
     }
-    findings = [*_of_refreshes(columns, rate_hz, least_hz), *_of_position(columns, seen, limits)]
+    findings = [*_of_mixed_rows(columns), *_of_refreshes(columns, rate_hz, least_hz)]
+    findings += _of_position(columns, seen, limits)
     if DRIVE_FORCE in columns:
         findings += _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits)
     else:
@@ -137,6 +140,21 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
     yield from findings
     if all(finding.outcome != "refused" for finding in findings):
         yield from check_friction(columns, sample_time_s, limits)
+
+
+def _of_mixed_rows(columns: Columns) -> Iterator[Finding]:
+    """Refuse a signal that changes far more from row to row than over some rows: rows of several are in turn."""
+    for name in (name for name in (*PRESSURES, DRIVE_FORCE, POSITION) if name in columns):
+        own = columns[name]
+        change, *others = (float(np.quantile(np.abs(own[rows:] - own[:-rows]), 0.75)) for rows in IN_TURN)
+        if change > max(MIXED * min(others), LEAST_MIXED * float(np.ptp(own))):
+            text = (
+                f"{name} changes by {spoken(name, change)} from row to row, but by {spoken(name, min(others))} over "
+                f"{IN_TURN[1 + others.index(min(others))]} rows: rows of several cylinders, sensors or statistics are "
+                "in turn; keep those of one, which another column may name, or filter the interference of the mains"
+            )
+            yield Finding("mixed_rows", "refused", text)
+            return
 
 
 def _of_refreshes(columns: Columns, rate_hz: float, least_hz: float) -> Iterator[Finding]:
@@ -256,11 +274,7 @@ def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Find
 
 
 def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> list[Finding]:
-    """Refuse a position with a jump, a held value or a disturbance (finding ``position_steps``).
-
-    Small jumps, slight disturbances, single bad samples, and a value without the noise that the sensor has elsewhere
-    are only noted.
-    """
+    """Refuse a position with a jump, a held value or a disturbance; note small ones and single bad samples."""
     step_s = float(time_s[1] - time_s[0])
     bend_m = np.abs(np.diff(position_m, 2))
     usual_m = float(np.quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95))

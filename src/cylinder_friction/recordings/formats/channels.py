@@ -55,10 +55,7 @@ def unit_among(properties: Mapping[str, Any]) -> str:
 
 
 def channels_of(name: str, values: Any, unit: str = "") -> list[Channel]:
-    """List the channels of an array, or of a dataset, which is then read channel by channel.
-
-    A vector is one channel. A matrix gives name_1, name_2, ...; its longer side is time. Other arrays give none.
-    """
+    """List the channels of an array or dataset: itself, or name_1, name_2, ... of a matrix along its longer side."""
     shape: tuple[int, ...] = values.shape
     if max(shape, default=0) < 2 or 0 in shape or len(shape) > 2:
         return []

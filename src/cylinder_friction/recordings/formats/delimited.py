@@ -58,6 +58,7 @@ _FACTOR = re.compile(
     re.IGNORECASE,
 )
 """What begins a line of factors above the rows. Vertical Scale of an oscilloscope is that of its display."""
+_START = re.compile(r"x_?0|t_?0|x_?origin|offset|start(?:[ _]?time)?|time|.*\bdelay\b.*", re.IGNORECASE)
 STEP_KEYS = ("delta_x", "hresolution")  # Words before a sample time [s], in lower case
 SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
 
@@ -75,7 +76,7 @@ def read_delimited(
     above, below = lines[: layout.first_row], lines[layout.first_row :]
     begin = text.start + sum(map(len, above))
     header = [line.decode() for line in above]
-    _refuse_factors(header)
+    _refuse_stated(header, layout.delimiter)
     start, rate_hz = start_in_header(header), rate_in_header(header, layout.delimiter)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
     parts, repeated = 1 if rows is None else max(1, round(size / row_size / rows)), repeated_names(layout.names)
@@ -91,9 +92,19 @@ def read_delimited(
     return [replace(each, rate_hz=rate_hz) for each in (first, *others)]
 
 
-def _refuse_factors(header: list[str]) -> None:
-    """Refuse factors above the rows other than 1, because nothing shows whether the rows hold their products."""
+def _refuse_stated(header: list[str], delimiter: str) -> None:
+    """Refuse what lines above the rows state and reading would drop: factors other than 1, and starts that differ."""
     for line in header:
+        name, *rest = split_cells(line, delimiter) or [""]
+        own = {cell for cell in rest if cell}
+        alike = len({":" in cell for cell in own if is_value(cell, None)}) == 1 and all(
+            is_value(cell, None) for cell in own
+        )
+        if _START.fullmatch(name.strip("#% ")) and alike and len(own) > 1:
+            raise RecordingError(
+                f"states different starts of its channels, {line.strip()[:80]!r}; expected one; write a time column "
+                "for each channel, or cut all to a common start and take that line out"
+            )
         named = _FACTOR.match(line)
         cells = re.findall(r"[-+\d.eE]*\d[\d.]*", line[named.end() :].replace(",", ";")) if named else []
         if any(is_number(cell, ".") and float(cell) != 1.0 for cell in cells):
@@ -217,10 +228,7 @@ class _Rows:
 
 
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
-    """Make a table ``group 1``, ... for each time column of a ``repeated`` name; without one, make a single table.
-
-    Time columns rise, or are empty because their channels have no samples. A group ends with its last row not empty.
-    """
+    """Make a table ``group 1``, ... for each time column (rising, or empty) of a ``repeated`` name, or one table."""
     names = [name for name, _ in columns]
     found = {name: [own for other, own in columns if other == name and not pd.isna(own).all()] for name in repeated}
     ways = {name: {way_of(each) if each.dtype.kind in "iufM" else 0 for each in own} for name, own in found.items()}

@@ -14,10 +14,7 @@ VERSION_5 = b"MATLAB 5.0 MAT-file"
 
 
 def walk(name: str, value: Any, found: Found, unit: str = "") -> None:
-    """Add the channels of an array, a mapping (struct) or a list (array of structs, cell array) to ``found``.
-
-    ``name`` is its variable or path: ``log.P1``, or ``log_2.P1`` within an array of structs.
-    """
+    """Add the channels of an array, a struct or a list (array of structs, cell array), by its path, to ``found``."""
     if isinstance(value, dict):
         walk_struct(name, value, found, unit)
     elif isinstance(value, list):

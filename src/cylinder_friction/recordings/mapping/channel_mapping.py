@@ -28,20 +28,20 @@ STANDARD_ATMOSPHERE_PA = 101325.0
 
 _SPELLINGS: dict[str, dict[float | tuple[float, float], str]] = {
     "time": {
-        1.0: "s | sec secs second seconds sek sekunde sekunden",
-        1e-3: "ms | msec msecs millis millisec millisecs millisecond milliseconds millisekunden millitm",
+        1.0: "s | sec secs second seconds sek sekunde sekunden 秒 с",
+        1e-3: "ms | msec msecs millis millisec millisecs millisecond milliseconds millisekunden millitm 毫秒 мс",
         1e-6: "us | μs usec usecs micros microsec microsecs microsecond microseconds mikrosekunden",
         1e-9: "ns | nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden",
         1e-7: "100ns | ticks", 60.0: "min | minute minutes minuten", 3600.0: "h | hr hour hours std",
         86400.0: "d | day",
     },
     "pressure": {
-        1.0: "Pa | N/m2", 1e3: "kPa | kN/m2", 1e6: "MPa N/mm2", 1e5: "bar", 1e2: "mbar hPa",
+        1.0: "Pa | N/m2", 1e3: "kPa | kN/m2", 1e6: "MPa N/mm2 | 兆帕 МПа", 1e5: "bar | бар", 1e2: "mbar hPa",
         6894.757293168362: "psi | lbf/in2 lb/in2", 6894757.293168361: "ksi",
         98066.5: "kgf/cm2 | kg/cm2 kp/cm2 at", 101325.0: "atm",
     },
     "length": {
-        1.0: "m | meter metre", 1e-3: "mm", 1e-2: "cm", 1e-6: "um | μm micron",
+        1.0: "m | meter metre", 1e-3: "mm | 毫米 мм", 1e-2: "cm", 1e-6: "um | μm micron",
         0.0254: "in | inch inches zoll", 0.3048: "ft", 2.54e-5: "mil | thou",
     },
     # A load cell may display the mass that hangs on it; the force is its weight.
@@ -103,6 +103,7 @@ SCALED = re.compile(
     re.IGNORECASE,
 )
 """A factor in a name, with or without its unit; no unit with a factor is known."""
+_FULL_WIDTH = str.maketrans("（）［］【】／", "()[][]/")
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
 _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute?)|g|gauge|rel|relativ|ü)\.?\)?", re.I)
 
@@ -167,6 +168,7 @@ def unit_in_name(name: str) -> str | None:
     Text in square brackets is a unit, unless it is an index such as ``axis[1]``. Text in parentheses or after a slash
     may be a remark, and is a unit only if it is known. A factor makes a unit that is not known, such as ``2ms``.
     """
+    name = name.translate(_FULL_WIDTH)
     if scaled := SCALED.search(name):
         return scaled[0].strip("() ")
     match = _IN_BRACKETS.match(name)

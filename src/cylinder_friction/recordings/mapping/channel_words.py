@@ -35,13 +35,15 @@ def _words(words: str, stems: str = "") -> Vocabulary:
 
 
 QUANTITY_WORDS = {
-    "pressure": _words("p pr press pres", "druck pressure pression 压力"),
+    "pressure": _words("p pr press pres", "druck pressure pression 压力 давлен"),
     "time": _words(
-        "t time date datum seconds secs sek clock ticks", "zeit timestamp datetime elapsed sekunde mitternacht 时间"
+        "t time date datum seconds secs sek clock ticks",
+        "zeit timestamp datetime elapsed sekunde mitternacht 时间 время",
     ),
     "temperature": _words("temp", "temperatur"),
     "length": _words(
-        "x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf 位移"
+        "x s xp pos weg hub stroke travel disp lage lvdt laser",
+        "position displacement stellung wegauf 位移 перемещен положен",
     ),
     "friction": _words("", "friction reibung reibkraft"),  # computed elsewhere, so that it is no load
     "force": _words("f fx fz load last", "force kraft loadcell kraftmess"),
@@ -49,8 +51,8 @@ QUANTITY_WORDS = {
 }
 """Words for each quantity. If words of equal rank name two quantities, the first quantity is taken."""
 
-PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden fondello 无杆")
-ROD_SIDE = _words("2 b rod ring gland tige stelo", "stange annul ringseit ringraum rodside 有杆")
+PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden fondello 无杆 поршнев")
+ROD_SIDE = _words("2 b rod ring gland tige stelo", "stange annul ringseit ringraum rodside 有杆 штоков")
 EITHER_SIDE = _words("head end side port chamber", "seite kammer")
 """Words that show no side alone. Either end is called the head, so that the name of the other pressure decides."""
 ELSEWHERE = _words("s t 0 ls sys pump tank supply return system", "versorg pumpe speise rücklauf ruecklauf")
@@ -61,7 +63,7 @@ CARRIED = _words("load last", "loadcell payload nutzlast")
 
 _TOKEN = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|[^\W\d_A-Za-zÄÖÜäöüß]+")
 _ENDING = re.compile(r"^(?P<name>.*[^\s_.-])[\s_.-]+(?P<unit>[^\W\d_]+)$", re.DOTALL)
-_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)|/\s*\S+$")
+_BRACKETS = re.compile(r"[\[【［][^\]】］]*[\]】］]|[(（][^)）]*[)）]|/\s*\S+$")
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,8 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     stated_rate,
     stated_reference,
     to_column_unit,
+    unit_in_name,
+    units_agree,
 )
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.recording import RecordingError
@@ -120,7 +122,9 @@ def _facts(index: int, table: LoggedTable, name: str) -> ChannelFacts:
         numbers = pd.to_numeric(raw, errors="coerce").to_numpy(np.float64)
         finite = stamps = numbers[np.isfinite(numbers)]
     steps = np.diff(stamps)
-    step, unit = float(np.median(steps)) if len(steps) else math.nan, stated or words.unit
+    step, unit, own = float(np.median(steps)) if len(steps) else math.nan, stated or words.unit, unit_in_name(name)
+    if stated and own and quantity_of(own) == quantity_of(stated) and not units_agree(stated, own):
+        unit = f"{stated} or {own}"  # which is no known unit
     in_ms = table.rate_hz is not None and abs(1e-3 * step * table.rate_hz - 1.0) <= EVEN_SHARE
     return ChannelFacts(
         table=index,

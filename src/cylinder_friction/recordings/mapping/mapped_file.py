@@ -217,10 +217,7 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
 def _stamps(
     tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], mapping: Mapping[str, ChannelMapping]
 ) -> tuple[dict[_Clock, Array], Start | None]:
-    """Convert each clock to seconds once; the dates of one file count from the earliest of them.
-
-    Also find when the file's clock was at 0 s, from its dates, or else from its other content.
-    """
+    """Convert each clock to seconds since the file's earliest date, and find when its clock was at 0 s."""
     time = mapping[TIME]
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
@@ -265,11 +262,7 @@ def _start_beside(table: LoggedTable, time_s: Array) -> Start | None:
 
 
 def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
-    """Read a time channel's numbers in seconds.
-
-    The unit of ``time_s`` applies to the channel that it names. The mapping (``time_unit``) or the file states the unit
-    of another time channel.
-    """
+    """Read a time channel in seconds; its unit is that of ``time_s`` or ``time_unit``, or the file states it."""
     raw, stated = table.channels[channel], table.units.get(channel, "")
     of_time = channel == time.channel
     configured = time_unit or (time.unit if of_time else "")

@@ -43,10 +43,7 @@ class OrderedStamps:
 
 
 def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
-    """Check and repair the order of stamps. A clock may restart, be set back or roll over.
-
-    Rows without stamp and value (``blank``) are ignored. A few stamps not finite, or 1e11 s and more, are left out.
-    """
+    """Check and repair the order of stamps: clocks may restart, and a few wild or missing stamps are left out."""
     finite = np.abs(time_s) < LATEST_S
     rows = np.flatnonzero(finite).astype(np.int64)
     lost = np.flatnonzero(~finite & ~blank)
@@ -140,10 +137,7 @@ def resolve_duplicates(
 
 
 def _spread(stamps: OrderedStamps, rules: TimeRules) -> tuple[Array, float, float]:
-    """Return evenly spread stamps, their rate [Hz] and the usual time between two different stamps [s].
-
-    A clock may print coarser stamps before it restarts than after (six digits of a time of day).
-    """
+    """Return evenly spread stamps, their rate [Hz] and the largest usual time between different stamps [s]."""
     time_s, segments = stamps.time_s, stamps.segments
     firsts = np.flatnonzero(np.concatenate([[True], (np.diff(time_s) != 0.0) | (np.diff(segments) != 0)]))
     stamps_s, segment = time_s[firsts], segments[firsts]

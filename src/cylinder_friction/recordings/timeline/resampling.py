@@ -57,10 +57,7 @@ class UniformSegment:
 
 
 def own_rate(timeline: ChannelTimeline) -> float:
-    """Return the rate of a column [Hz]: a whole number if it is within 1e-4 of one.
-
-    Of uneven stamps it is the median rate, rounded to three digits, so that the files of one logger share it.
-    """
+    """Return a column's rate [Hz], whole within 1e-4; of uneven stamps the median, rounded to three digits."""
     rate_hz = whole_hertz(1.0 / timeline.step_s)
     if timeline.even:
         return rate_hz
