@@ -9,12 +9,13 @@ from cylinder_friction.rig.duty_cycles import Row, lever_for_speed
 from cylinder_friction.rig.external_load import ExternalLoad
 from cylinder_friction.rig.lever import MOVE, TICK_S, DutyCycle, hand_remnant, ornstein_uhlenbeck
 from cylinder_friction.rig.parameters import BAR_PA, DEFAULT_STEP_S, RigParameters, default_rig, refuse_unknown
-from cylinder_friction.rig.sensors import measure
+from cylinder_friction.rig.sensors import DECIMALS, measure
 from cylinder_friction.rig.simulate import balanced_state, simulate
 from cylinder_friction.rig.variation import draw_rig
 
 __all__ = [
     "BAR_PA",
+    "DECIMALS",
     "DEFAULT_STEP_S",
     "MAKEUP_GAIN",
     "MOVE",
