@@ -1,6 +1,7 @@
 """The command line itself: what it lists, what it loads, and how it ends."""
 
 import errno
+import importlib
 import os
 import re
 import subprocess
@@ -11,7 +12,14 @@ from unittest.mock import Mock
 import pytest
 
 from cylinder_friction.commands import check, stage
-from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, UNREAD, main, parser
+from cylinder_friction.commands.cli import (
+    COMMANDS,
+    INTERRUPTED,
+    UNREAD,
+    machine_code_refusal,
+    main,
+    parser,
+)
 from cylinder_friction.commands.plugins import ELSEWHERE
 from cylinder_friction.run_record import STAGES
 
@@ -148,3 +156,22 @@ def test_a_command_whose_package_is_not_installed_names_the_package(
         "cylinder-friction far: this command is part of cylinder-friction-far-away, which is not installed; pip "
         "install cylinder-friction-far-away, or `make far` in a checkout, which installs its folder far-away/\n"
     )
+
+
+def test_machine_code_of_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = "from typing import NamedTuple\nimport numba\n{0} = NamedTuple('{0}', [('x', float)])\n"
+    kept += "@numba.njit(cache=True)\ndef doubled(given):\n    return 2.0 * given.x\n"
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("Earlier", "Later"):
+        (tmp_path / "kept_code.py").write_text(kept.format(name))
+        monkeypatch.delitem(sys.modules, "kept_code", raising=False)
+        importlib.invalidate_caches()
+        module = importlib.import_module("kept_code")
+        if name == "Earlier":
+            assert module.doubled(module.Earlier(2.0)) == 4.0
+    with pytest.raises(AttributeError, match="Earlier") as caught:
+        module.doubled(module.Later(2.0))
+    words = machine_code_refusal(caught.value)
+    assert words.startswith("machine code that another version kept cannot be read (Can't get attribute 'Earlier'")
+    assert "delete the files *.nbi in " in words
+    assert machine_code_refusal(AttributeError("of our own")) == ""

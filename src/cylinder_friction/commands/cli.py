@@ -6,6 +6,7 @@ import importlib
 import os
 import re
 import sys
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
@@ -89,7 +90,7 @@ def _run(given: Sequence[str]) -> int:
         print(f"\n{name}: interrupted; {kept(options)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        found = system_refusal(error)
+        found = system_refusal(error) or machine_code_refusal(error)
         expected = (*REFUSALS, *getattr(work, "EXPECTED", ()))
         if isinstance(error, BrokenPipeError) or not (found or isinstance(error, expected)):
             raise
@@ -115,6 +116,18 @@ def system_refusal(error: Exception) -> str:
         path = path.resolve().parent  # a draft is written beside the file that it becomes
     place = "" if path is None else f"{path}: "
     return f"{place}{error.strerror[0].lower()}{error.strerror[1:]}; {ADVICE.get(error.errno or 0, LOOK)}"
+
+
+def machine_code_refusal(error: Exception) -> str:
+    """Explain that machine code kept by another version names what this one does not have; empty for other errors."""
+    places = [frame.f_globals.get("__name__") for frame, _ in traceback.walk_tb(error.__traceback__)]
+    if not isinstance(error, AttributeError | ImportError) or places[-1:] != ["numba.core.caching"]:
+        return ""
+    return (
+        f"machine code that another version kept cannot be read ({error}); delete the files *.nbi in "
+        f"{Path(__file__).parents[1]}, in Numba's folder in the user's cache and in NUMBA_CACHE_DIR, if it is set, "
+        "then run the same command again"
+    )
 
 
 def parser(command: str | None = None) -> argparse.ArgumentParser:
