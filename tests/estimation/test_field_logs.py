@@ -54,14 +54,11 @@ pytestmark = [
         ("date-and-time/trend.csv.gz", {}, 20.0, STATED),
         ("date-and-time/trend.csv.gz", {"channels": "time.yaml"}, 20.0, STATED),
         ("coarse-pressures/log.csv.gz", {"channels": "map_bits.yaml"}, 20.0, ""),
-        ("percent-of-stroke/log.csv.gz", {}, 20.0, ""),
-        ("percent-of-stroke/log.csv.gz", {"channels": "map.yaml"}, 20.0, ""),
+        *(("percent-of-stroke/log.csv.gz", options, 20.0, "") for options in ({}, {"channels": "map.yaml"})),
         ("newest-first/grafana.csv.gz", {}, 20.0, STATED),
         ("text-cells/pico.csv.gz", {"channels": "map.yaml"}, 20.0, ""),
-        ("text-cells/tt.csv.gz", {}, 20.0, ""),
-        ("text-cells/excel_point.csv.gz", {}, 20.0, ""),
-        ("dspace/rec1_001.mat", {}, 20.0, ""),
-        ("double-rod/log.csv.gz", {}, 20.0, ""),
+        *((f"text-cells/{name}.csv.gz", {}, 20.0, "") for name in ("tt", "excel_point")),
+        *((file, {}, 20.0, "") for file in ("dspace/rec1_001.mat", "double-rod/log.csv.gz")),
     ],
 )
 def test_friction_and_start(tmp_path: Path, file: str, options: dict[str, Any], duration_s: float, start: str) -> None:

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.identified_model import WIDEST
+from cylinder_friction.estimation.identified_model import WIDEST, IdentifiedCurve, Zeros
 from cylinder_friction.estimation.steady_intervals import lines_uncertain_n, steady_intervals, velocities_on_offer
+from cylinder_friction.friction_models.identification.steady_points import StribeckPoint
 from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
@@ -56,8 +57,12 @@ def test_intervals_hold_an_error_of_the_stated_loss_of_a_line(cylinder: Cylinder
     off_n *= np.sign(recording.column("velocity_m_s"))
     for friction_n in (recording.column("friction_n") + off_n, recording.column("friction_n") - off_n):
         found = steady_intervals([recording.with_columns(friction_n=friction_n)], cylinder, 0.95)
-        for name, value in (("viscous_n_s_m", VISCOUS_N_S_M), ("coulomb_n", 300.0)):
-            assert found[name][0] <= value <= found[name][1]
+        assert found["viscous_n_s_m"][0] <= VISCOUS_N_S_M <= found["viscous_n_s_m"][1]
+        assert found["coulomb_n"][0] <= 300.0 <= found["coulomb_n"][1]
+    at = StribeckPoint(0.05, 300.0, 290.0, 310.0, 99, strokes=9, half_width_n=30.0)
+    (line_n,) = lines_uncertain_n(recording, cylinder, np.array([0.05])).tolist()
+    (point,) = IdentifiedCurve.through([recording], [at], Zeros(0.0), None, cylinder).points
+    assert point.half_width_n == pytest.approx(line_n + 0.64 * 30.0)
 
 
 def test_every_candidate_velocity_is_zero_at_standstill_and_follows_a_stroke() -> None:

@@ -61,12 +61,10 @@ def test_a_curve_has_no_number_with_unknown_zeros_but_the_shift_of_its_sessions_
         own = strokes(speeds, np.full(18, zero_n), curve)
         noisy_m = own.column("position_m") + np.random.default_rng(0).normal(0.0, 3e-5, len(own))
         sessions.append(replace(own.with_columns(position_m=noisy_m), metadata=replace(own.metadata, session=name)))
-    points = stribeck_points(sessions[:1], 5e-4, 0.95)
-    zeros = Zeros(np.inf, "zeros are not stated")
+    points, zeros = stribeck_points(sessions[:1], 5e-4, 0.95), Zeros(np.inf, "zeros are not stated")
     one = IdentifiedCurve.through(sessions[:1], points, zeros, None, CYLINDER)
-    assert one.curve is None
     assert one.to_dict()["why_not"].startswith("zeros are not stated; at the slowest steady sliding")
-    assert all(each.known_half_width_n is None for each in one.points)
+    assert (one.curve, {each.known_half_width_n for each in one.points}) == (None, {None})
     assert scatter_of_sessions(sessions[:1], CYLINDER, 0.95) == np.inf
     # Standard deviation 12 N, over the root of 3 sessions; Student's t with 2 degrees of freedom
     assert scatter_of_sessions(sessions, CYLINDER, 0.95) == pytest.approx(4.303 * 12.0 / 3.0**0.5, rel=0.02)

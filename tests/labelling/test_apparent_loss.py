@@ -42,7 +42,7 @@ def test_the_sentence_leaves_open_which_it_is_and_asks(cylinder: Cylinder) -> No
         "1600 N of the force against motion at 0.05 m/s grow with speed: viscous friction of the cylinder, or what "
         "lines between sensors and cylinder lose, such as 3.4 bar (piston side) and 2.2 bar (rod side); strokes cannot "
         "tell which. State sensor.line_loss in the mapping, {bar: 0} if the sensors are at the cylinder's ports; until "
-        "then bounds are wider by what lines may lose, and Coulomb and viscous friction are not known"
+        "then any bounds are wider by what lines may lose, and Coulomb and viscous friction are not known"
     )
 
 

@@ -33,11 +33,7 @@ def load_of(given: str | None) -> LoadMode | StatedLoad | None:
 
 
 def units_of(given: Sequence[str]) -> dict[str, str]:
-    """Read the units by quantity from ``--unit``.
-
-    Raises:
-        ParamsError: An entry is no ``QUANTITY=UNIT``, or a quantity has two.
-    """
+    """Read the units by quantity from ``--unit``; ``ParamsError`` if one is no ``QUANTITY=UNIT`` or given twice."""
     units: dict[str, str] = {}
     for entry in given:
         quantity, equals, unit = (part.strip() for part in entry.partition("="))
@@ -47,11 +43,7 @@ def units_of(given: Sequence[str]) -> dict[str, str]:
 
 
 def cylinder_of(given: str | None) -> Cylinder:
-    """Read the cylinder from a YAML file, from ``name=value`` pairs, or from ``params.yaml`` here.
-
-    Raises:
-        ParamsError: A key is missing or unknown, or there is no ``params.yaml``.
-    """
+    """Read the cylinder from a YAML file, ``name=value`` pairs or ``params.yaml`` here; else ``ParamsError``."""
     if given is None and not PARAMS_FILE.is_file():
         raise ParamsError(
             f"which cylinder? Give its dimensions, for example --cylinder {EXAMPLE_CYLINDER}, or a YAML file with "

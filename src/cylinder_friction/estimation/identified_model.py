@@ -28,7 +28,7 @@ from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.friction_models.parameters import ParameterSpec
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
-from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.labelling.known_offset import NINE_OF_TEN, KnownOffset
 from cylinder_friction.recordings.conversion import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows
@@ -169,7 +169,9 @@ class IdentifiedCurve:
                 unknown["viscous_n_s_m"] = f"viscous friction has no number: {viscous}"
         for each, line_n in zip(points, lines_n.tolist(), strict=True):
             lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))
-            own.append(replace(each, half_width_n=math.hypot(each.half_width_n, zeros.half_n, line_n) + lost_n))
+            half_n = math.hypot(each.half_width_n, zeros.half_n, line_n)
+            half_n = max(half_n, line_n + NINE_OF_TEN * math.hypot(each.half_width_n, zeros.half_n))
+            own.append(replace(each, half_width_n=half_n + lost_n))
         names = tuple(each.name for each in recordings)
         return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, unknown)
 

@@ -124,8 +124,9 @@ def load_left(each: FrictionOfRecording) -> str:
     if each.load_left_n is None:
         return ""
     causes = "a load, a sensor's zero or the loss of a line"
-    remedy = "map a load cell, use --load position, zero the sensors, or state a second rod (rod_diameter_1_m)"
-    return f"friction_n holds {causes}, of about {each.load_left_n:.0f} N; {remedy}"
+    remedy = "map a load cell, use --load position, zero the sensors, or weigh a constant load (--load NEWTONS)"
+    second = "if the cylinder has a second rod, it must be stated (rod_diameter_1_m)"
+    return f"friction_n holds {causes}, of about {each.load_left_n:.0f} N; {remedy}; {second}"
 
 
 def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str, str]]:

@@ -58,7 +58,7 @@ class ApparentLoss:
             "viscous friction of the cylinder, or what lines between sensors and cylinder lose, such as "
             f"{lost_bar:.2g} bar (piston side) and {lost_bar * ratio**2:.2g} bar (rod side); strokes cannot tell "
             "which. State sensor.line_loss in the mapping, {bar: 0} if the sensors are at the cylinder's ports; until "
-            "then bounds are wider by what lines may lose, and Coulomb and viscous friction are not known"
+            "then any bounds are wider by what lines may lose, and Coulomb and viscous friction are not known"
         )
 
 

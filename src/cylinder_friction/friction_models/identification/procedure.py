@@ -126,8 +126,7 @@ def identify(
     polished = motions_of(recordings, chosen, effort.polished_piece_s)
     point, history = _search(offered[chosen], polished, coordinates, looks, effort)
     parameters = coordinates.parameters(point)
-    names = tuple(spec.name for spec in model.searched)
-    everything = motions_of(recordings, chosen, every=1)
+    everything, names = motions_of(recordings, chosen, every=1), tuple(spec.name for spec in model.searched)
     intervals = confidence_intervals(everything, parameters, names, confidence, offset_n)
     error_n, level_n = everything.error_of(parameters.packed()), everything.mean_friction_n
     as_searched_n = motions_of(recordings, chosen).error_of(parameters.packed())

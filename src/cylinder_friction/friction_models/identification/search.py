@@ -121,8 +121,7 @@ def search_globally(
 
     Source: Storn and Price 1997.
     """
-    history: list[float] = []
-    best = [math.inf]
+    history, best = list[float](), [math.inf]
 
     def cost(point: Array) -> float:
         error = motions.error_of(coordinates.values(point))
@@ -162,14 +161,8 @@ def search_locally(motions: Motions, coordinates: Coordinates, start: Array, eva
         return motions.error_of(coordinates.values(point))
 
     first: Any = start
-    options: Any = {
-        "adaptive": True,
-        "maxfev": evaluations,
-        "maxiter": evaluations,
-        "xatol": 1e-4,
-        "fatol": 1e-5,
-        "initial_simplex": np.vstack([start, start + np.diag(inward)]),
-    }
+    options: Any = {"adaptive": True, "maxfev": evaluations, "maxiter": evaluations, "xatol": 1e-4, "fatol": 1e-5}
+    options["initial_simplex"] = np.vstack([start, start + np.diag(inward)])
     result = minimize(
         cost, first, method="Nelder-Mead", bounds=Bounds(coordinates.lower, coordinates.upper), options=options
     )
