@@ -5,23 +5,11 @@ of a served model, which compiles, is a sixth faster.
 """
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.caching import IndexDataCacheFile
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def _index(file: Any, load: Callable[[Any], Any] = IndexDataCacheFile._load_index) -> Any:
-    """Load Numba's index of compiled code; empty if it names types of this package that are gone since an upgrade."""
-    with suppress(AttributeError, ImportError):
-        return load(file)
-    return {}
-
-
-IndexDataCacheFile._load_index = _index
 
 
 def compiled(function: Function, **options: Any) -> Function:
