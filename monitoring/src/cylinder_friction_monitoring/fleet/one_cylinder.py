@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from cylinder_friction import Recording, estimate_logs, load
-from cylinder_friction.estimation.results import kept_recordings, made_with_model, restore_summary
+from cylinder_friction.estimation.results import OtherCylinderError, kept_recordings, made_with_model, restore_summary
 from cylinder_friction.files.whole_files import read_json, write_json, write_text
-from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.logs import load_settings
 from cylinder_friction_monitoring.errors import Refused
