@@ -101,7 +101,7 @@ MUTANTS = (
     Mutant(
         "a millimetre is a centimetre",
         "recordings/mapping/channel_mapping.py",
-        '1e-3: "mm", 1e-2: "cm"',
+        '1e-3: "mm | 毫米 мм", 1e-2: "cm"',
         '1e-2: "cm mm"',
         ("recordings/mapping",),
     ),
