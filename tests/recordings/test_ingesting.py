@@ -124,7 +124,6 @@ def test_a_damaged_file_is_repaired_or_refused_beside_good_ones(
         (("2026-03-14T08:15:00.000", "2026-03-14T08:15:04.000Z"), "monday", ""),  # two clocks
         (("2026-03-14T08:15:00.000", "2026-03-14T08:15:04.000"), "tuesday", ""),
         (("2026-03-14", "2026-03-14"), "monday", ""),
-        (("", ""), "monday", ""),
     ],
 )
 def test_overlapping_recordings_of_a_session_are_named(starts: tuple[str, str], session: str, words: str) -> None:

@@ -151,7 +151,6 @@ def test_dates(tmp_path: Path, cells: list[str], expected: list[str]) -> None:
         (["01/02/2026 08:00:00", "01/02/2026 08:00:01"], "s", [28800.0, 28801.0]),
         *[([f"{day} 08:00:00"] * 2, "s", [28800.0] * 2) for day in ("23-03-14", "14/03/26", "'26.03.14")],
         (["0 sec", "0.005 sec"], "sec", [0.0, 0.005]),
-        (["0ms", "5ms"], "ms", [0.0, 5.0]),
     ],
 )
 def test_a_time_of_day_counts_from_midnight(tmp_path: Path, cells: list[str], unit: str, expected: list[float]) -> None:
@@ -170,7 +169,6 @@ def test_a_time_of_day_counts_from_midnight(tmp_path: Path, cells: list[str], un
         "14.03.2026 08:15:00 CEST",
         "14.13.2026 08:15:00",
         "14.03.2026 25:15:00",
-        "14.03.0026 08:15:00",
     ],
 )
 def test_what_is_no_date_stays_text(tmp_path: Path, cell: str) -> None:

@@ -51,7 +51,6 @@ def comment_of(text: str, column: str) -> str:
 NAMINGS: list[tuple[str, str, str, str]] = [
     ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"),
     ("t", "pA", "pB", "x"),
-    ("Zeit", "Druck Kolbenseite", "Druck Stangenseite", "Weg"),
     ("timestamp", "cap_pressure", "rod_pressure", "stroke"),
     ("X_Value", "Pressure A", "Pressure B", "Displacement"),
     ("t_s", "jib_pA_cyl_bar", "jib_pB_cyl_bar", "x_p"),
@@ -60,6 +59,7 @@ NAMINGS: list[tuple[str, str, str, str]] = [
     ("Time [s]", "Cap [bar]", "Head [bar]", "Position [mm]"),
     ("时间（秒）", "无杆腔压力 [bar]", "有杆腔压力【bar】", "位移（毫米）"),
     ("Время, с", "Давление в поршневой (бар)", "Давление в штоковой (бар)", "Положение (мм)"),
+    ("Time [s]", "AI1/2 p_A [bar]", "AI1/3 p_B [bar]", "s_2 [mm]"),
     ("Time [s]", "Ch 2 Pressure B bore [bar]", "P1 rod (port A) [bar]", "x [mm]"),
     ("Time (s)", "Pressure bore (bar)", "Pressure annulus (bar)", "Piston position (mm)"),
 ]
@@ -84,7 +84,7 @@ PAIR = {"t": TIME, "p1": P1, "p2": P2, "x": X}
 SCALED = {
     "t": "t (2ms)|t_0.1ms|t (x2 s)|time 1/1000 s|Zeit in 10 ms",
     "p1": "10*p_A [bar]|p_Ax10 [bar]|p_A [bar] (scale 0.5)|p_A (0.1bar)|p_A (kPa*100)|p_A [bar] *10|p_A (bar, x10)",
-    "x": "s_2mm|s_mm_x2",
+    "x": "s_2mm|s_mm_x2|s*2 [mm]|s x 0.1 [mm]",
 }
 
 
@@ -135,6 +135,7 @@ def test_units_are_taken_from_the_file_or_guessed_and_signals_get_a_sensor_to_fi
     assert "unit MPa as stated" in comment_of(text, "pressure_1_pa")
     assert "values 0 to 30 fit MPa" in comment_of(text, "pressure_2_pa")
     assert "CHECK: the unit is stated nowhere; bar or psi would fit too" in comment_of(text, "pressure_2_pa")
+    assert channels_of(text_of(PAIR | {"p1": "", "abs(pA) [bar]": P1}))["pressure_1_pa"]["unit"] == "bar"
     assert "'pA [bar]' states the unit 'psi or bar'" in text_of({"pA [bar]": P1}, {"pA [bar]": "psi"})
     text = text_of({"t": TIME, "p_abs_A [bar]": P1, "Absolutdruck B [psi]": P2, "x [mm]": X})
     assert [entry["unit"] for entry in channels_of(text).values()] == ["s", "bar abs", "psi abs", "mm"]

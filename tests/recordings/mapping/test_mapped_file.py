@@ -12,7 +12,7 @@ from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import MappedFile, map_signals
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import RecordingError, Start
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -29,8 +29,9 @@ def logged(name: str = "", units: dict[str, str] | None = None, **columns: Any) 
     return LoggedTable(pd.DataFrame(cells | columns), units or {}, name)
 
 
-def table(name: str, **columns: Any) -> LoggedTable:
-    return LoggedTable(pd.DataFrame(columns), name=name)
+def table(name: str, begin: str = "", **columns: Any) -> LoggedTable:
+    start = Start(np.datetime64(f"2026-03-14T{begin}"), False, "") if begin else None
+    return LoggedTable(pd.DataFrame(columns), name=name, start=start)
 
 
 COUNTS = ChannelMapping("a", "count", sensor=SensorScale((0.0, 10.0), "bar", (0.0, 10.0)))
@@ -212,6 +213,7 @@ def test_dates_of_two_tables_count_from_the_earliest() -> None:
 
 DATED = FAST | {"t": pd.Timestamp("2026-03-14") + pd.to_timedelta(np.arange(6) * 5, unit="ms")}
 SLOW_TIME, NO_TIME = table("slow", t2=[0.0, 1.0, 2.0], x=np.zeros(3)), table("slow", x=np.zeros(3))
+BEGUN = [table("fast", "08:15:00", **FAST), table("slow", "08:15:01", **SLOW)]
 STAMPED = {"position_m": ChannelMapping("x", "mm", time="t")}
 RENAMED = LoggedTable(logged().channels.rename(columns={"b": "P b [psi]"}), unread=("P_c",))
 RUNS = [logged("run 1"), table("run 2", **FAST)]
@@ -225,8 +227,12 @@ TWICE = LoggedTable(pd.concat([logged().channels, logged().channels[["a"]]], axi
         ([table("fast", **FAST), NO_TIME], STAMPED, "'x' (for 'position_m') has 3 rows, but its time channel 't' has"),
         ([logged()], {"time_s": ChannelMapping("Time", "s")}, "channel 'Time' (for 'time_s') is missing; got"),
         ([table("fast", **DATED), table("slow", **SLOW)], {}, "time channel 't' holds dates, but 't' does not;"),
+        (
+            BEGUN,
+            {},
+            "its tables state different starts, 2026-03-14T08:15:00.000 and 2026-03-14T08:15:01.000, and their",
+        ),
         ([RENAMED], {"pressure_2_pa": ChannelMapping("p_B [psi]", "psi")}, "'P_c' (nearest: 'P b [psi]'); corr"),
-        ([table("", **{f"c{index}": [0.0] for index in range(50)})], {}, "'c39' and 10 more; correct"),
         ([TWICE], {}, "'a' (for 'pressure_1_pa') occurs 2 times"),
         (RUNS, {}, "channel 'a' (for 'pressure_1_pa') occurs in tables 'run 1', 'run 2'; state which as channels.p"),
         (RUNS, {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}, "is missing; got tables 'run 1', 'run 2'"),

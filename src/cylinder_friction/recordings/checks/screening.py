@@ -137,11 +137,7 @@ def _note(
 
 
 def _ends(column: str, sensor: SensorLimits | None, stroke_m: float) -> tuple[float, float]:
-    """Return the bounds outside of which a sensor is at an end of its range.
-
-    The low end of a range that starts at zero does not count, because a vented chamber reads zero. The end of a
-    position sensor's range does not count either if it is the end of the stroke.
-    """
+    """Return bounds of the range beyond which a sensor is saturated, unless zero or the stroke ends there."""
     if sensor is None:
         return -math.inf, math.inf
     span = sensor.high - sensor.low
@@ -153,11 +149,7 @@ def _ends(column: str, sensor: SensorLimits | None, stroke_m: float) -> tuple[fl
 
 
 def _spike_height(values: Array, step: float | None) -> float:
-    """Estimate how far a spike lies from its neighbours at least, from samples spread over the signal.
-
-    It uses quantiles, which bad samples do not affect: 95 % of a sample's distance from its neighbours, and the range
-    without 1 % at either end.
-    """
+    """Estimate how far a spike lies from its neighbours at least, from quantiles, which bad samples do not affect."""
     if len(values) < 2 * BESIDE + 1:
         return math.inf
     stride = max(1, len(values) // PLACES)

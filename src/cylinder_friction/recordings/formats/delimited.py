@@ -100,7 +100,7 @@ def _refuse_stated(header: list[str], delimiter: str) -> None:
         alike = len({":" in cell for cell in own if is_value(cell, None)}) == 1 and all(
             is_value(cell, None) for cell in own
         )
-        if _START.fullmatch(name.strip("#% ")) and alike and len(own) > 1:
+        if _START.fullmatch(re.sub(r"[\[(].*", "", name).strip("#% ")) and alike and len(own) > 1:
             raise RecordingError(
                 f"states different starts of its channels, {line.strip()[:80]!r}; expected one; write a time column "
                 "for each channel, or cut all to a common start and take that line out"

@@ -99,7 +99,8 @@ SCALED = re.compile(
     rf"\((?:\s*{_FEW}|\s*[x*]\s*{_NUMBER}\s*)\s*(?:{_ANY})\s*\)$|(?<![A-Za-z\d.,/]){_FEW}(?:{_LONG})$"  # (5 ms), _2mm
     rf"|(?:\bin \d+|\d+[.,/]\d+) (?:{_ANY})$"  # in 10 ms, 1/1000 s
     rf"|(?<![A-Za-z])(?:{_LONG})[\])]?[\s_,(]*[*·x/] ?{_NUMBER}\)?$"  # [bar] *10, (kPa/10), bar (x2)
-    rf"|^{_NUMBER} ?[*·]|(?<=.)x10+(?=\s*[\[(]|$)|(?:scale|factor|faktor|gain)[ =:]*{_NUMBER}",  # 10*p, px10 [bar]
+    rf"|^{_NUMBER} ?[*·]|(?<=.)(?:x10+| x {_NUMBER}|[*·×] ?{_NUMBER})(?=\s*[\[(]|$)"  # 10*p, px10 [bar]
+    rf"|(?:scale|factor|faktor|gain)[ =:]*{_NUMBER}",
     re.IGNORECASE,
 )
 """A factor in a name, with or without its unit; no unit with a factor is known."""
@@ -224,11 +225,7 @@ def to_column_unit(values: Array, unit: str, column: str) -> Array:
 
 @cache
 def units_agree(stated: str, configured: str) -> bool:
-    """Check whether the unit that a file states for a channel agrees with the configured unit.
-
-    Spelling does not matter (``[Bar]`` and ``bar`` agree), nor does the reference of a pressure. Text that is not a
-    known unit (``rod side``, ``A``, ``-``) contradicts nothing.
-    """
+    """Check whether a file's unit and the configured one agree but for spelling; text that is no unit does."""
     quantity, signal = quantity_of(configured), electrical(configured)
     if bare(stated) == bare(configured) or not names_a_unit(stated) or (quantity is None and signal is None):
         return True

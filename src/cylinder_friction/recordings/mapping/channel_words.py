@@ -91,10 +91,11 @@ def words_of(name: str) -> Words:
         counted = last == "ticks" or (len(folded) > 1 and folded[-2].isdecimal())  # of any length, such as 64us
         unit = last if quantity_of(last) == "time" and not counted else ""  # elapsedMillis
     vocabularies = ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE))
-    ranked = ((side, words.rank(token)) for side, words in vocabularies for token in folded)
+    # A letter counts before a digit, which may be the number of a cylinder or an input.
+    ranked = ((side, words.rank(token) - 0.5 * token.isdecimal()) for side, words in vocabularies for token in folded)
     # Single letters and digits show a side only beside a word for pressure, or alone in bar; a lone P is the supply.
     pressure = quantity == "pressure" or (len(tokens) == 1 and quantity_of(unit) == "pressure")
-    sides = [(rank, side) for side, rank in ranked if rank == 2 or (rank == 1 and pressure)]
+    sides = [(rank, side) for side, rank in ranked if rank == 2 or (rank > 0.0 and pressure)]
     wanted = any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded)
     known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, EITHER_SIDE, AT_VALVE, AT_CYLINDER)
     return Words(

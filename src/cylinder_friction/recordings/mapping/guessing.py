@@ -46,7 +46,7 @@ NEARLY = 3.0  # Largest distance from the best score of candidates that are also
 BELOW_ZERO = 0.05  # Share of its travel beyond which a position below zero does not count from the retracted end
 MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 """Most different names, and least mean number of rows per name, of a column that names channels."""
-_ABSOLUTE = re.compile(r"absolut|(?<![^\W_])abs(?![^\W_])", re.IGNORECASE)
+_ABSOLUTE = re.compile(r"absolut(?!e? ?(?:value|enc))|(?<![^\W_])abs(?![^\W_]|\(|\.? ?enc)", re.IGNORECASE)
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 LIKELY_UNITS = {
     "time": (("s ms us 100ns ns d", 2e-5, 0.5), ("min h", 4e-4, 0.029)),
@@ -435,7 +435,8 @@ def _guessed(
         reasons.append(f"{size_in_words(column, channel)}{f' fit {unit}' if fitting else f'; {unit} is usual'}")
         checks.append(f"the unit is stated nowhere{also}")
     if column in SIDES and _ABSOLUTE.search(channel.name) and stated_reference(unit) is None and not electrical(unit):
-        unit, reasons = f"{unit} abs", [*reasons, "name means absolute"]
+        unit = f"{unit} abs"
+        checks.append("its name means absolute pressure, so that 1.01325 bar are subtracted")
     entry = {"channel": channel.name, "unit": unit}
     return GuessedColumn(column, channel, entry, tuple(reasons), tuple(checks), others, names, fitting)
 

@@ -230,7 +230,14 @@ def _stamps(
         )
     known = {clock: stamps.min() for clock, stamps in dates.items() if stamps.notna().any()}
     origin = min(known.values(), default=pd.NaT)
-    start = next((tables[clock.table].start for clock in columns if tables[clock.table].start is not None), None)
+    starts = {own.at: own for clock in columns if (own := tables[clock.table].start) is not None}
+    start = next(iter(starts.values()), None)
+    if len(starts) > 1 and not known:
+        texts = " and ".join(sorted(each.text() for each in starts.values()))
+        raise RecordingError(
+            f"its tables state different starts, {texts}, and their clocks count from there; expected one start; write "
+            "dates in the rows, or let all clocks count from one start"
+        )
     if known:
         first, at = next(iter(known)), origin.to_datetime64().astype("datetime64[ns]")
         start = Start(at, tables[first.table].utc, f"time stamps of {first.channel!r}", dated_rows=True)
