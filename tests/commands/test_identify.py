@@ -37,6 +37,7 @@ def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pyte
         assert f"{name:<22} not determined: the sensors' zeros are not stated, and one session does not" in printed
     assert "zeros    zero the sensors and state how exactly (--sensor-class, or " in printed
     assert "\nintervals of 95 % hold the scatter of recordings like these" in printed
+    assert "; unstated delays of sensors and errors of the model itself come on top\n" in printed
     assert "LuGre, pressure-scaled: not identified: the sum of both pressures" in printed
     assert f"page     {tmp_path}/out/friction_models.html" in printed
     assert 'parameter Real static_n(unit = "N") "Fs' in (tmp_path / "out/lugre.mo").read_text(encoding="utf-8")

@@ -67,7 +67,7 @@ SIGNS = (
 CONFIDENCE = 0.95
 INTERVALS = (
     f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros and "
-    "the stated losses of lines may shift; errors of the model itself come on top"
+    "the stated losses of lines may shift; unstated delays of sensors and errors of the model itself come on top"
 )
 WIDEST = 4.0
 """Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
