@@ -22,11 +22,11 @@ from cylinder_friction.labelling.sliding_blocks import (
     OffsetPlan,
     SlidingBlocks,
     sliding_blocks,
-    stated_zero_n,
+    unstated_zero,
     zero_uncertainty_n,
 )
 from cylinder_friction.recordings.columns import ALL_CONDITIONS, COVERAGE_FACTOR, LOAD_FORCE, PRESSURES
-from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.wording import four_digits
 
 STROKES, STATED, NOTHING = "strokes in both directions", "stated uncertainty", "nothing"
@@ -113,11 +113,7 @@ def offset_evidence(
     identified = () if LOAD_FORCE in labelled.metadata.uncertainty else (LOAD_FORCE,)  # it has no sensor
     stated_n = zero_uncertainty_n(labelled.without_columns(*identified), cylinder)
     sliding = replace(sliding_blocks(labelled, cylinder, plan, stated_n or 0.0), session=session)
-    if not why_not:
-        try:
-            sliding = replace(sliding, prior_n=stated_zero_n(labelled, cylinder))
-        except RecordingError as error:
-            why_not = str(error)
+    why_not = why_not or unstated_zero(labelled, cylinder)
     uneven = "" if why_not else too_uneven(uneven_n, friction_n, sliding.prior_n, plan)
     lines_stated = set(PRESSURES) <= labelled.metadata.line_loss.keys()
     return OffsetEvidence(session, stated_n, sliding, why_not, uneven, labelled.metadata.condition, lines_stated)

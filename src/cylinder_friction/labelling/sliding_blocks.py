@@ -105,7 +105,9 @@ def sliding_blocks(
     Raises:
         RecordingError: The recording lacks labels, or the uncertainty of a sensor's zero is not stated.
     """
-    plan = plan or OffsetPlan()
+    plan, prior_n = plan or OffsetPlan(), zero_uncertainty_n(recording, cylinder) if prior_n is None else prior_n
+    if prior_n is None:
+        raise RecordingError(unstated_zero(recording, cylinder))
     names = ["friction_n", "velocity_m_s", "position_m"]
     names += [each for each in EXPLAINING if each in recording.columns]
     velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
@@ -116,7 +118,7 @@ def sliding_blocks(
     means = {name: pieces.mean(recording.column(name))[whole] for name in names}
     return SlidingBlocks(
         recording.metadata.session,
-        stated_zero_n(recording, cylinder) if prior_n is None else prior_n,
+        prior_n,
         float(pieces.counts[whole].sum()) * step_s,
         means.pop("friction_n"),
         np.sign(means["velocity_m_s"]),
@@ -125,19 +127,19 @@ def sliding_blocks(
     )
 
 
-def stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
-    """Compute ``zero_uncertainty_n``; raise ``RecordingError`` if it is None."""
-    known_n = zero_uncertainty_n(recording, cylinder)
-    if known_n is not None:
-        return known_n
-    column = next(each for each in sensor_areas(recording, cylinder) if each not in recording.metadata.uncertainty)
+def unstated_zero(recording: Recording, cylinder: Cylinder) -> str:
+    """Name a sensor whose zero is not stated, and what to do; empty if all zeros are stated."""
+    stated = recording.metadata.uncertainty
+    column = next((each for each in sensor_areas(recording, cylinder) if each not in stated), "")
+    if not column:
+        return ""
     instead = (
         "state sensor.accuracy_percent or sensor.zero_uncertainty of the load cell in the mapping; "
         f"without a load cell, {LOADED['position']}"
         if column == LOAD_FORCE
         else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
     )
-    raise RecordingError(
+    return (
         f"recording {recording.name!r}: the uncertainty of the zero of {column!r} is not stated; expected that "
         f"of every sensor behind the label, as it limits the offset; {instead}"
     )
