@@ -231,11 +231,7 @@ def find_logs(
     sensor_class: float | None = None,
     database: str | Path | None = None,
 ) -> Logs:
-    """Find the files and the recipe for reading them. The first file is read only if the mapping must be guessed.
-
-    Arguments and errors are those of ``read_recordings``. ``rate_hz`` is the rate of the recordings [Hz]; by default
-    the rate in ``channels``, or each file's own rate.
-    """
+    """Find the files and the recipe; the first file that can be read is read if the mapping must be guessed."""
     given = [files] if isinstance(files, str | Path) else list(files)
     mapping = channels if isinstance(channels, str | Path) else None
     paths, guess, tables = log_paths(given), None, list[LoggedTable]()

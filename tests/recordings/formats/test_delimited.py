@@ -74,6 +74,7 @@ def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # typ
         ("t,P1,x\n[s],[bar],", {"t": "s", "P1": "bar"}),
         ("TIMESTAMP,P1,x\nTS,bar,Deg C\n,Smp,Avg", {"P1": "bar", "x": "Deg C"}),  # of Campbell Scientific
         ("t,P1,x\n(s),(bar),(°C)\nclock,piston,oil", {"t": "s", "P1": "bar", "x": "°C"}),
+        ("t,P1,x\n,Type: double,Type: single\n,Unit: bar,Unit: mm", {"P1": "bar", "x": "mm"}),  # of Simulink
         ("t,P1,x\n2ms,0.1bar,mm (x2)", {"t": "2ms", "P1": "0.1bar", "x": "mm (x2)"}),
         ("t,P1,x\nf8,DateTime64(3),LREAL\n(s),(bar),(mm)", {"t": "s", "P1": "bar", "x": "mm"}),
         *[(f"t,P1,x\n{form},bar,mm", {"P1": "bar", "x": "mm"}) for form in DATE_FORMS],

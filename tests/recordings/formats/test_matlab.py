@@ -55,6 +55,14 @@ def test_vectors_matrices_and_structs_are_channels(tmp_path: Path) -> None:
     assert set(table.unread) == {"kp.factor", "kp.unit", "remark", "log.n"}
 
 
+def test_a_rate_among_variables_or_fields_makes_a_time_channel(tmp_path: Path) -> None:
+    field = {"data": T, "dt": 0.005, "unit": "mm"}
+    (table,) = read_logged_file(saved(tmp_path, {"fs": 200.0, "P1": T, "x": field}))
+    np.testing.assert_allclose(table.channels["time"], 0.005 * T)
+    with pytest.raises(RecordingError, match=r"begin at different times: 'P1' at 0, 'x\.data' at 0\.5; expected one"):
+        read_logged_file(saved(tmp_path, {"fs": 200.0, "P1": T, "x": field | {"t0": 0.5}}))
+
+
 def test_simulink_structure_with_time(tmp_path: Path) -> None:
     signals = np.zeros((2,), dtype=[("values", object), ("label", object), ("dimensions", object)])
     signals[0] = (T[:, None], "P1", 1.0)

@@ -88,14 +88,6 @@ def test_the_scope_counts_milliseconds_and_states_units(read) -> None:  # type: 
     assert one.channels.to_dict("list") == {"Name": [0, 5], "p1": [1, 3], "p2": [2, 4]}
 
 
-def test_full_stamps_of_windows_are_dates(read) -> None:  # type: ignore[no-untyped-def]
-    start = 134179488000120000
-    lines = "".join(f"{start + 50000 * i};{i};{start + 20000 + 50000 * i};{i}\n" for i in range(3))
-    one, other = read(BANNER + "Name;p1;Name;x\n\n" + lines)
-    assert one.channels["Name"].iloc[0] == np.datetime64("2026-03-14T08:00:00.012")
-    assert other.channels["Name"].iloc[2] == np.datetime64("2026-03-14T08:00:00.024")
-
-
 DAQ = (  # DAQExpress
     "Timestamp;2026-03-14 08:15:00;Timestamp;2026-03-14 08:15:00\nInterval;0.005;Interval;0.005\n"
     'Channel name;"Piston pressure";Channel name;"Position"\nUnit;"bar";Unit;"mm"'

@@ -108,11 +108,7 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
 
 
 def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> tuple[NDArray[np.int64], Array]:
-    """Choose rows of clear motion evenly, shape ``(m,)``; return them and the direction: 1 extending, -1 retracting.
-
-    In these rows, the piston is faster than a fifth of its usual top speed and at least 5 % of the stroke away from the
-    end stops. Its speed changes by less than the top speed within a quarter of a second.
-    """
+    """Choose rows of fast, even motion away from the ends, and their direction: 1 extending, -1 retracting."""
     half = max(1, round(HALF_WINDOW_S / sample_time_s))
     first, last, step = 2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS)
     rows = np.arange(first, last, step)

@@ -64,11 +64,7 @@ def checked_recording(piece: Recording, limits: CheckLimits) -> Recording:
 
 
 class _Survey:
-    """Extremes of a column, and the constant stretch over which the piston travels furthest.
-
-    ``step`` is the column's converter step, 0 if not known. A stretch between two neighbouring steps does not count,
-    because the value changed by less than the converter resolves.
-    """
+    """Extremes of a column, and its constant stretch of longest travel that no converter's ``step`` explains."""
 
     def __init__(self, values: Array, position_m: Array, step: float) -> None:
         self.stuck_from, self.stuck_to, self.stuck_travel_m = 0, 1, 0.0

@@ -23,7 +23,7 @@ from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
 _NO_SAMPLE = "nan NaN NAN -nan -NaN NA N/A n/a null NULL Null None - -- --- #N/A #NV Bad EOF"
 _NAN_OF_WINDOWS = "nan(ind) -nan(ind) 1.#IND -1.#IND 1.#QNAN -1.#QNAN"
-MISSING = ("", *_NO_SAMPLE.split(), *_NAN_OF_WINDOWS.split())
+MISSING = ("", "No Data", "Bad Input", *_NO_SAMPLE.split(), *_NAN_OF_WINDOWS.split())
 """Cells of a missing sample. ``Bad`` is a quality of OPC, ``EOF`` is written below a column that ends before others."""
 OVER_RANGE = r"[+-]?(?:∞|ol|over(?:load|flow|range)?)|[+]{5,6}|-{5,6}|[*]{5,6}"
 """Cells of a value beyond the range of the logger's input, in upper or lower case."""

@@ -25,6 +25,7 @@ class Channel:
     read: Callable[[], NDArray[Any]]
     unit: str = ""
     sample_time_s: float | None = None  # That the file states instead of a time channel [s]
+    begin: str = "0"  # When it begins, as the file states it
 
 
 @dataclass
@@ -37,6 +38,17 @@ class Found:
 
 _FACTORS = ("scale_factor", "scale", "factor", "gain", "lsb", "slope", "add_offset", "offset", "intercept")
 """Properties that state how numbers become values, in lower case; whether the numbers are values is not known."""
+
+
+_STARTS = ("t0", "start", "start_time", "starttime", "wf_start_offset", "wf_start_time")
+
+
+def stated_start(properties: Mapping[str, Any]) -> str:
+    """Read when a channel begins among its properties; 0 without one."""
+    stated = (
+        str(value).strip("[]").removesuffix(".0") for key, value in properties.items() if key.casefold() in _STARTS
+    )
+    return next(stated, "0")
 
 
 def factors_among(properties: Mapping[str, Any]) -> str:
@@ -90,6 +102,13 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
         shared = {channel.name.rpartition(separator)[0] for channel in channels}
         name = "" if len(groups) == 1 else (len(shared) == 1 and shared.pop()) or f"{length} rows"
         tables.append(table_of(channels, wanted, name, sample_time_s, others=() if tables else found.others))
+    begin = {each.begin: each.name for each in found.channels if each.sample_time_s and each.length not in timed}
+    if len(begin) > 1:
+        (one, first), (other, second) = list(begin.items())[:2]
+        raise RecordingError(
+            f"its channels begin at different times: {first!r} at {one}, {second!r} at {other}; expected one; write a "
+            "time channel for each, or cut them to a common start"
+        )
     lasts_s = {length * step: step for length, step in groups if step is not None}
     if lasts_s and max(lasts_s) - min(lasts_s) > 1.5 * max(lasts_s.values()):
         together = "its channels last differently, and are taken to begin together, because no start is stated"

@@ -50,8 +50,10 @@ _LARGEST_HEAD = 64 * HEAD_SIZE
 _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 _UNIT_WORD = re.compile("unit|einheit", re.IGNORECASE)
 """In the first cell of a line of units, such as 'Unit', 'Vertical Units', 'Y_Unit_Label'."""
-_TYPE = re.compile(r"([fiu]|u?s?l?(int|real)|float|double|bool|string|text|date|time|datetime)\d*(\(.*\))?", re.I)
-"""A type below a name, as ClickHouse (``Float32``), INCA (``f8``) and PLCs (``LREAL``) write it."""
+_TYPE = re.compile(
+    r"([fiu]|[usl]*(int|real)|float|double|bool|string|datetime)\d*(\(.*\))?|(type|unit|interp|\w+path): .*", re.I
+)
+"""What may be below a name: a type (``Float32``, ``f8``, ``LREAL``), or words of Simulink's Data Inspector."""
 MOST_LINES, FEWEST_VALUES = 100, 1000  # Most lines of a table with a channel per line, and fewest cells of such a line
 _FACTOR = re.compile(
     r"[#%\"\s]*(?:\w+: *)?(?:scal(?:e|ing)(?: ?factor)?|fa[ck]tor|gain|slope|multiplier)[\":= ]*(?=[,;\t|\d])",
@@ -437,8 +439,12 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
     headed = max(filter(None, headings), key=lambda units: sum(map(bool, units)), default=None)
     plain = [cells for cells in block if not _units_in_line(cells) and all(map(str.__ne__, cells, cells[1:]))]
     plain = [cells for cells in plain if not any(is_value(cell, None) for cell in cells)]
+    labelled = (split_cells(line, grid.delimiter) for line in above if "Unit: " in line)
+    told = [[cell.removeprefix("Unit: ") for cell in cells] for cells in labelled if grid.is_heading(cells)]
     if not block:
         cells, units = [], None
+    elif told:
+        cells, units = block[-1], told[0]
     elif scope := _scope_names(above, grid):
         cells, units = scope
     elif mode == "names_units" and len(block) > 1:

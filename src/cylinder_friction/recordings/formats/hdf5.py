@@ -1,6 +1,6 @@
 """Read HDF5 files: datasets as channels named by their paths, compound datasets as tables."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -12,28 +12,23 @@ from cylinder_friction.recordings.formats.channels import (
     Found,
     channels_of,
     flat,
+    stated_start,
     table_of,
     tables_by_length,
     unit_among,
 )
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
-from cylinder_friction.recordings.recording import RecordingError
 
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
-_STARTS = ("t0", "start", "start_time", "starttime", "wf_start_offset", "wf_start_time")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
 
 
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Read one table per compound dataset, and one of all other datasets of equal length.
-
-    A dataset's name is its path, such as ``pressures/P1``. If the channels include no time, a channel ``time`` is made
-    from a sampling rate [Hz] or sample time [s] that the dataset, its group or the file states as an attribute.
-    """
+    """Read a table per compound dataset, and of other datasets of one length or rate, named by their paths."""
     import h5py
 
     with h5py.File(source.handle(), "r") as file:
-        found, tables, starts = Found(), [], dict[str, str]()
+        found, tables = Found(), []
 
         def visit(path: str, node: Any) -> None:
             if not isinstance(node, h5py.Dataset):
@@ -45,20 +40,12 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
                 tables.append(table_of(channels, wanted, path))
             elif shape and node.dtype.kind in "biuf" and (channels := channels_of(path, node)):
                 unit, step_s = unit_among(node.attrs), _sample_time_s(node)
-                begins = (str(value) for key, value in node.attrs.items() if key.casefold() in _STARTS)
-                starts.update({path: next(begins, "0")} if step_s else {})
-                found.channels += [replace(each, unit=unit, sample_time_s=step_s) for each in channels]
+                begin = stated_start(node.attrs)
+                found.channels += [replace(each, unit=unit, sample_time_s=step_s, begin=begin) for each in channels]
             else:
                 found.others.append(path)
 
         file.visititems(visit)
-        by_start = {start.removesuffix(".0"): path for path, start in starts.items()}
-        if len(by_start) > 1:
-            (one, first), (other, second) = list(by_start.items())[:2]
-            raise RecordingError(
-                f"its datasets begin at different times: {first!r} at {one}, {second!r} at {other}; expected one; "
-                "write a time channel for each, or cut them to a common start"
-            )
         if found.channels or not tables:
             tables += tables_by_length(found, wanted, "/")
         return tables
@@ -66,14 +53,19 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 
 def _sample_time_s(node: Any) -> float | None:
     """Find the sample time that the dataset states, or the nearest group around it."""
-    while True:
-        for key, value in node.attrs.items():
-            name = key.casefold()
-            if name in (*_RATES, *_STEPS) and isinstance(value, int | float | np.number) and value > 0:
-                return 1.0 / float(value) if name in _RATES else float(value)
-        if node.name == "/":
-            return None
+    while (step_s := stated_step(node.attrs)) is None and node.name != "/":
         node = node.parent
+    return step_s
+
+
+def stated_step(properties: Mapping[str, Any]) -> float | None:
+    """Read a sample time [s] among properties, or a rate [Hz] as one; None without one."""
+    for key, value in properties.items():
+        name = key.casefold()
+        if name in (*_RATES, *_STEPS) and np.size(value) == 1 and np.asarray(value).dtype.kind in "iuf":
+            number = float(np.asarray(value).reshape(-1)[0])
+            return (1.0 / number if name in _RATES else number) if number > 0.0 else None
+    return None
 
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"

@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from cylinder_friction.recordings.formats import hdf5
-from cylinder_friction.recordings.formats.channels import Found, channels_of, factors_among, tables_by_length
+from cylinder_friction.recordings.formats.channels import (
+    Found,
+    channels_of,
+    factors_among,
+    stated_start,
+    tables_by_length,
+)
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 
 VERSION_5 = b"MATLAB 5.0 MAT-file"
@@ -27,11 +33,7 @@ def walk(name: str, value: Any, found: Found, unit: str = "") -> None:
 
 
 def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = "") -> None:
-    """Add the fields of a struct, or the variables of a file (name '').
-
-    A text field ``unit`` or ``units`` states the unit of the struct's arrays. A struct ``units`` of texts states the
-    units of the fields it names. Simulink's 'structure with time' and dSPACE's ``X`` and ``Y`` name their channels.
-    """
+    """Add the fields of a struct, or a file's variables (name ''), with the unit, rate and start that fields state."""
     path = f"{name}." if name else ""
     if isinstance(signals := struct.get("signals"), dict | list):
         walk(f"{path}time", struct.get("time"), found, "s")
@@ -50,11 +52,17 @@ def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = 
         taken = any(each.name == called and each.length == len(data) for each in found.channels)
         walk(f"{path}{called}" if taken else called, data, found, stated if isinstance(stated, str) else unit)
         return
+    begin, step_s = len(found.channels), hdf5.stated_step(struct)
     for key, value in struct.items():
         if value is stated and isinstance(stated, dict | str):
             continue
         own = stated.get(key) if isinstance(stated, dict) else stated
         walk(f"{path}{key}", value, found, own if isinstance(own, str) else unit)
+    if step_s:
+        own = {"sample_time_s": step_s, "begin": stated_start(struct)}
+        found.channels[begin:] = [
+            each if each.sample_time_s else replace(each, **own) for each in found.channels[begin:]
+        ]
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:

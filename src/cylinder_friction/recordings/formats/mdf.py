@@ -19,11 +19,7 @@ _PLAIN_BUS_EVENT = 4  # Bit in a channel group's flags (ASAM MDF 4.1) that marks
 
 
 def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path | None = None) -> list[LoggedTable]:
-    """Read one table per channel group, with its master (time) first; conversions are applied.
-
-    Samples that the file marks as invalid become NaN. Raw bus frames are decoded with ``database``, the DBC file of the
-    bus. Without it they are left out, and a file with nothing else is refused.
-    """
+    """Read a table per channel group, its master first; frames of a bus are decoded with ``database``, its DBC file."""
     import asammdf
 
     open_mdf: Any = asammdf.MDF  # its types lack some arguments

@@ -16,11 +16,7 @@ INDEX = "__index_level_"  # Beginning of the name of an index without a name tha
 
 
 def read_parquet(source: FileSource, wanted: Collection[str] | None, rows: int | None = None) -> list[LoggedTable]:
-    """Read the wanted columns of the file's table in one thread; read more than ``rows`` rows in parts.
-
-    An index that pandas stored is a channel if it has a name or contains time stamps (then named ``index``). Text is
-    parsed as in a text table. A field's metadata states its unit under the key ``unit`` or ``units``.
-    """
+    """Read the wanted columns, in parts of ``rows`` rows; an index with a name or time stamps is a channel."""
     parts = _parts(source, wanted, rows)
     first = next(parts)
     return [first if first.parts == 1 else replace(first, more=lambda: parts)]

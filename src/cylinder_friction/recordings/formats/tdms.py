@@ -18,11 +18,7 @@ FIRST_ROWS = 256  # Number of first rows that decide whether a channel is a cloc
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Read one table per group, or several if a group's channels differ in length or rate.
-
-    A waveform states its time as properties: a channel ``time`` [s] is made from ``wf_increment`` and
-    ``wf_start_offset``. It counts from the earliest ``wf_start_time`` in the file, so that groups share one clock.
-    """
+    """Read a table per group, length and rate; waveforms get a channel ``time`` since the file's first start."""
     import nptdms
 
     with source.opened() as opened, nptdms.TdmsFile.open(opened) as file:
