@@ -60,11 +60,7 @@ def _groups(pattern: str | None, what: str) -> Mapping[str, int]:
 
 @dataclass(frozen=True)
 class NameRules:
-    """How a file's path below the source states condition and session.
-
-    ``pattern`` is a regular expression with the group ``session`` and optionally ``condition`` (by default "1"),
-    ``load`` and ``asset``. None makes each file a session of its own, named as its recording.
-    """
+    """How a file's path states session, and perhaps condition, load and asset: by the groups of ``pattern``."""
 
     pattern: str | None = None
 

@@ -72,6 +72,10 @@ def driven(spoil: Callable[[pd.Series], pd.Series]) -> Spoil:
     return lambda _: forced().assign(drive_force_n=lambda table: spoil(table["drive_force_n"]))
 
 
+def in_psi(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(**table[list(PRESSURES)].mul(np.where(table.index < 1000, 1.0, 14.5), axis=0))
+
+
 def in_turn(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(pressure_1_pa=table["pressure_1_pa"] + 2e5 * (table.index % 2))
 
@@ -95,11 +99,8 @@ def test_a_good_recording_passes_unchanged(table: pd.DataFrame, limits: CheckLim
         (lambda table: table.iloc[:500], "length", r"lasts 2.5 s \(500 rows\), expected at least 5 s"),
         (scaled(-1.0, "pressure_2_pa"), "pressure_range", "-2 to 700 bar gauge; no value is positive, so the sign"),
         (scaled(1e-6, "pressure_1_pa"), "pressure_alive", r"changes by 0\.\d+ Pa only .*bar read as Pa"),
-        (
-            in_turn,
-            "mixed_rows",
-            "pressure_1_pa changes by 2.* bar from row to row, but by 0.* bar over 2 rows: rows of",
-        ),
+        (in_psi, "unit_changed", "both pressures change by a factor of 14.* behind row 1000, as if their unit had"),
+        (in_turn, "mixed_rows", "pressure_1_pa changes by 2.* bar from row to row, but by 0.* bar over 2 rows: ro"),
         (scaled(1e3, "position_m"), "position_range", r"expected 0 to 0.25 m, the stroke; .* \(mm read as m\?\)"),
         (scaled(1e-3, "position_m"), "motion", r"position_m moves by 0.000\d+ m only, .* \(m read as mm\?\)"),
         (driven(lambda n: 0.0 * n + 150.0), "force_alive", r"drive_force_n is constant \(at .* N\) while the cylinder"),

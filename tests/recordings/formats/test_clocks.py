@@ -167,7 +167,6 @@ def test_a_time_of_day_counts_from_midnight(tmp_path: Path, cells: list[str], un
     [
         "31.02.2026 08:15:00",
         "14.03.2026 08:15:00 CEST",
-        "14.03.2026 25:15:00",
     ],
 )
 def test_what_is_no_date_stays_text(tmp_path: Path, cell: str) -> None:

@@ -84,7 +84,7 @@ PAIR = {"t": TIME, "p1": P1, "p2": P2, "x": X}
 SCALED = {
     "t": "t (2ms)|t_0.1ms|t (x2 s)|time 1/1000 s|Zeit in 10 ms",
     "p1": "10*p_A [bar]|p_Ax10 [bar]|p_A [bar] (scale 0.5)|p_A (0.1bar)|p_A (kPa*100)|p_A [bar] *10|p_A (bar, x10)",
-    "x": "s_2mm|s_mm_x2|s*2 [mm]|s x 0.1 [mm]",
+    "x": "s_2mm|s_mm_x2|s*2 [mm]|s x 0.1 [mm]|s/2 [mm]",
 }
 
 

@@ -1,5 +1,6 @@
 """Check a uniformly sampled table before it counts as a recording."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from cylinder_friction.recordings.columns import (
     PRESSURES,
     TIME,
 )
+from cylinder_friction.recordings.line_loss import BAR_PA
 from cylinder_friction.recordings.recording import Columns, Recording, RecordingError
 
 RATE_TOLERANCE = 1e-3  # Largest error of a logger's clock, as a share of its rate
@@ -26,6 +28,7 @@ POSITION_SLACK = 0.05  # Largest reading of position beyond the stroke, as a sha
 STUCK_TRAVEL = 0.25  # Travel, as a share of the stroke, beyond which an exactly constant sensor is stuck
 LEAST_SPANS = {"pressure": 1e3, "force": 1e-3}  # Least change of a live sensor on a moving cylinder [Pa, N]
 NOISY_SHARE = 0.25  # Share of rows with a change from which on a sensor shows noise and never stays constant for long
+NEW_UNIT, SAME_FACTOR = 0.7, 0.05  # Least change of both pressures in a row, and largest difference (logarithms)
 NEXT_STEP = 1.5  # Largest distance of neighbouring values, in converter steps
 NOISE, STROKES = 12.0, 2e-3
 """Limits above which a second difference is a fault: a multiple of the usual one, and a share of the stroke."""
@@ -46,8 +49,7 @@ NOISY_S, NOISIER, FAINT, HELD = 0.5, 20.0, 1e-3, 0.6
 """Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
 share of the stroke. Values are held if at most this share of its rows has a new one."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
-IN_TURN, MIXED, LEAST_MIXED = (1, 2, 3, 4), 5.0, 0.02
-"""Rows over which changes are compared; ratio of changes, and share of the range, above which rows are mixed."""
+IN_TURN, MIXED, LEAST_MIXED = (1, 2, 3, 4), 5.0, 0.02  # Rows compared; least ratio of changes, and share of the range
 FEWEST_HOLDS, EVEN_HOLDS, LATE_HOLD, LARGE_STEPS = 20, 0.75, 0.2, 0.1
 """Of a signal that is refreshed less often than logged: fewest refreshes, least share at the usual distance, largest
 deviation from it, and least share of larger steps, because slow motion passes the steps of a converter as evenly."""
@@ -224,6 +226,15 @@ def _of_pressures(columns: Columns, seen: dict[str, _Survey], limits: CheckLimit
             text = f"{name} is {spoken(name, value)} in row {row}, {expected}; {advice}"
             yield Finding("pressure_range", "refused", text)
         yield from _alive(name, "pressure", seen[name], limits)
+    pressures_pa = np.maximum([columns[name] for name in PRESSURES], BAR_PA)
+    factors = np.diff(np.log(pressures_pa)) * (np.minimum(pressures_pa[:, 1:], pressures_pa[:, :-1]) > BAR_PA)
+    row = int(np.argmax(np.abs(factors).min(axis=0)))
+    if np.abs(factors[:, row]).min() > NEW_UNIT and np.ptp(factors[:, row]) < SAME_FACTOR:
+        text = (
+            f"both pressures change by a factor of {math.exp(factors[0, row]):.3g} behind row {row + 1}, as if their "
+            "unit had been changed there; cut the log there, and state the unit of each part"
+        )
+        yield Finding("unit_changed", "refused", text)
     if np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]):
         text = (
             "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "

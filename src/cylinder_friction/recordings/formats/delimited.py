@@ -364,11 +364,7 @@ def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None
 
 
 def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
-    """Return a key that ranks the ways to split a file's lines.
-
-    The first criterion is whether a line of names, or the first row, has as many cells as the rows: 3,845 is one number
-    with a decimal comma below one name, and two numbers below two names. The second is the share of numbers and dates.
-    """
+    """Rank a way to split lines: whether names or the first row have as many cells, then the share of numbers."""
     if grid.width == 1:
         fits = not any(sign in lines[0] for sign in "\t;,|")
     else:

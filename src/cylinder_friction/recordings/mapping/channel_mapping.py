@@ -99,7 +99,7 @@ SCALED = re.compile(
     rf"\((?:\s*{_FEW}|\s*[x*]\s*{_NUMBER}\s*)\s*(?:{_ANY})\s*\)$|(?<![A-Za-z\d.,/]){_FEW}(?:{_LONG})$"  # (5 ms), _2mm
     rf"|(?:\bin \d+|\d+[.,/]\d+) (?:{_ANY})$"  # in 10 ms, 1/1000 s
     rf"|(?<![A-Za-z])(?:{_LONG})[\])]?[\s_,(]*[*·x/] ?{_NUMBER}\)?$"  # [bar] *10, (kPa/10), bar (x2)
-    rf"|^{_NUMBER} ?[*·]|(?<=.)(?:x10+| x {_NUMBER}|[*·×] ?{_NUMBER})(?=\s*[\[(]|$)"  # 10*p, px10 [bar]
+    rf"|^{_NUMBER} ?[*·]|(?<=.)(?:x10+| x {_NUMBER}|(?:[*·×]|(?<=[A-Za-z])/) ?{_NUMBER})(?=\s*[\[(]|$)"  # 10*p, px10
     rf"|(?:scale|factor|faktor|gain)[ =:]*{_NUMBER}",
     re.IGNORECASE,
 )
