@@ -18,14 +18,15 @@ STEP_S, VISCOUS_N_S_M = 0.005, 1500.0
 SPEEDS_M_S = np.repeat(np.random.default_rng(3).permutation(np.geomspace(8e-3, 0.06, 15)), 200)
 
 
-def strokes(slope_n_bar: float, back_bar_per_m_s: float, seed: int) -> Recording:
+def strokes(slope_n_bar: float, back_bar_per_m_s: float, seed: int, fall_n: float = 0.0) -> Recording:
     """Strokes of a second at 15 speeds each way, each at a back pressure that grows with speed and varies by itself."""
     generator = np.random.default_rng(seed)
     speed, way = np.tile(SPEEDS_M_S, 2), np.tile(np.repeat([1.0, -1.0], 200), 15)
     own_bar = generator.normal(0.0, 0.002 if back_bar_per_m_s else 2.0, (15, 2))
     own_bar = np.repeat((own_bar - own_bar.mean(axis=0)).ravel(), 200)
     back_bar = 20.0 + back_bar_per_m_s * speed + own_bar
-    friction_n = way * (300.0 + slope_n_bar * back_bar + VISCOUS_N_S_M * speed + generator.normal(0.0, 5.0, len(speed)))
+    friction_n = 300.0 + slope_n_bar * back_bar + VISCOUS_N_S_M * speed + generator.normal(0.0, 5.0, len(speed))
+    friction_n = way * (friction_n + fall_n * np.exp(-speed / 0.02))
     pressures = {f"pressure_{side}_pa": 1e5 * back_bar for side in (1, 2)}
     columns = {"time_s": STEP_S * np.arange(len(speed)), "velocity_m_s": way * speed, "friction_n": friction_n}
     columns |= {"position_m": np.cumsum(way * speed) * STEP_S, "usable": np.ones(len(speed), dtype=np.bool_)}
@@ -47,6 +48,14 @@ def test_viscous_friction_is_told_from_pressure(
             assert not known or np.mean([each[name][0] <= value <= each[name][1] for each in found]) >= share, name
     still = strokes(0.0, 0.0, 0).with_columns(velocity_m_s=np.zeros(len(SPEEDS_M_S) * 2))
     assert steady_intervals([still], cylinder, 0.95)["coulomb_n"] == (-np.inf, np.inf)
+
+
+def test_few_strokes_do_not_tell_viscous_friction_from_a_slow_fall(cylinder: Cylinder) -> None:
+    for seed in (1, 2, 3):
+        recording = strokes(0.0, 0.0, seed, fall_n=60.0)
+        few = recording.with_columns(usable=np.arange(len(recording)) < 2400)
+        lower, upper = steady_intervals([few], cylinder, 0.95)["viscous_n_s_m"]
+        assert lower <= VISCOUS_N_S_M <= upper
 
 
 def test_intervals_hold_an_error_of_the_stated_loss_of_a_line(cylinder: Cylinder) -> None:

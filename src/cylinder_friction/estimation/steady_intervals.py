@@ -24,8 +24,9 @@ BACKLASH_MULTIPLE = 8.0
 """Half-width of the backlash, in standard deviations of the mean position over the window."""
 NO_FALL_M_S = 1e-4
 """A Stribeck velocity so low that dry friction does not fall at the speeds of steady sliding."""
-ALIKE = 1.05
-"""Largest ratio of an error to the least one at which another Stribeck velocity describes friction as well."""
+ALIKE, LIKELY = 1.05, 1.92
+"""Largest ratio of an error to the least one at which another Stribeck velocity describes friction as well; or, if that
+allows more, its logarithm times the number of strokes, as few strokes hardly tell them apart (95 %, Laplace's law)."""
 _NAMES = ("viscous_n_s_m", "coulomb_n")
 
 
@@ -105,8 +106,8 @@ def steady_intervals(
         half = np.hypot(half, np.linalg.lstsq(design, lines_n)[0])
         half[1] = np.hypot(half[1], zeros_n)
         fits.append((float(np.abs(fit.residuals).sum()), fit.coefficients - half, fit.coefficients + half))
-    least = min(error for error, _, _ in fits)
-    alike = [(lower, upper) for error, lower, upper in fits if error <= ALIKE * least]
+    most = max(ALIKE, math.exp(LIKELY / (strokes.max() + 1))) * min(error for error, _, _ in fits)
+    alike = [(lower, upper) for error, lower, upper in fits if error <= most]
     return {
         name: (float(min(lower[place] for lower, _ in alike)), float(max(upper[place] for _, upper in alike)))
         for place, name in enumerate(_NAMES)

@@ -85,13 +85,8 @@ def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0
     time_s = 0.005 * np.arange(round(seconds / 0.005))
     load = load_n * np.cos(1.7 * time_s)
     noise = np.random.default_rng(0).normal(0.0, 5.0, len(time_s))
-    return pd.DataFrame(
-        {
-            "position_m": 0.12 + 0.05 * np.sin(time_s),
-            "drive_force_n": friction_n * np.sign(np.cos(time_s)) + load + noise,
-            "load_force_n": load,
-        }
-    )
+    columns = {"position_m": 0.12 + 0.05 * np.sin(time_s), "load_force_n": load}
+    return pd.DataFrame(columns | {"drive_force_n": friction_n * np.sign(np.cos(time_s)) + load + noise})
 
 
 SECONDS = 0.005 * np.arange(4000)

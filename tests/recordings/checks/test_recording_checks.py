@@ -31,14 +31,9 @@ def good(rows: int = 2000) -> pd.DataFrame:
     """A sine of 0.1 m against friction of about 1 kN."""
     time_s = SAMPLE_TIME_S * np.arange(rows)
     noise = np.random.default_rng(0).normal(0.0, 5e3, (2, rows))
-    return pd.DataFrame(
-        {
-            "time_s": time_s,
-            "pressure_1_pa": 7.22e5 + 3.2e5 * np.sign(np.cos(time_s)) + noise[0],
-            "pressure_2_pa": 9e5 + noise[1],
-            "position_m": 0.12 + 0.1 * np.sin(time_s),
-        }
-    )
+    driving_pa = 7.22e5 + 3.2e5 * np.sign(np.cos(time_s)) + noise[0]
+    pressures = {"pressure_1_pa": driving_pa, "pressure_2_pa": 9e5 + noise[1]}
+    return pd.DataFrame({"time_s": time_s, **pressures, "position_m": 0.12 + 0.1 * np.sin(time_s)})
 
 
 def forced(rows: int = 2000) -> pd.DataFrame:
