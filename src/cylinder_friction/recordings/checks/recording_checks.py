@@ -142,8 +142,10 @@ def inspect_recording(columns: Columns, limits: CheckLimits, sample_time_s: floa
 
 def _of_mixed_rows(columns: Columns) -> Iterator[Finding]:
     """Refuse a signal that changes far more from row to row than over some rows: rows of several are in turn."""
-    for name in (name for name in (*PRESSURES, DRIVE_FORCE, POSITION) if name in columns):
-        own = columns[name]
+    for name in (*PRESSURES, DRIVE_FORCE, POSITION):
+        own = columns.get(name, np.empty(0))
+        if len(own) < 2 * IN_TURN[-1]:
+            continue
         change, *others = (float(np.quantile(np.abs(own[rows:] - own[:-rows]), 0.75)) for rows in IN_TURN)
         if change > max(MIXED * min(others), LEAST_MIXED * float(np.ptp(own))):
             text = (
