@@ -11,7 +11,7 @@ from cylinder_friction.labelling.load import LoadPlan, identify_load
 from cylinder_friction.labelling.pooled_load import POOLED_PLACES, pooled_load
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.strokes import BINS
-from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 
 
@@ -72,6 +72,8 @@ def test_the_load_as_stated_is_uncertain_by_the_zeros_that_it_absorbed(
         half_n.append(float(words.split("± ")[1].split(" N")[0]))
     grid = np.linspace(*found.range_m, 40)
     assert half_n[0] < np.abs(found.load_n(grid) - boom_load(grid)).max() < half_n[1]
+    worst_n = COVERAGE_FACTOR * found.uncertainty_n(grid).max()  # where strokes show least of it
+    assert half_n[0] == pytest.approx(worst_n, abs=0.6)
 
 
 def test_the_load_of_several_sessions_is_their_mean_and_as_uncertain_as_one_more() -> None:

@@ -137,9 +137,9 @@ class LoadIdentification:
         return self.coverage.holds(np.reshape(positions_m, (len(positions_m), -1)))
 
     def sentence(self, recording: Recording, cylinder: Cylinder) -> str:
-        """State the result in words. The load has absorbed the zeros of the recording's sensors."""
+        """State the result in words, with the ± of the worst position. It has absorbed the zeros of the sensors."""
         zero_n = zero_uncertainty_n(recording, cylinder)
-        half_n = math.hypot(self.expanded_n, COVERAGE_FACTOR * (zero_n or 0.0))
+        half_n = COVERAGE_FACTOR * math.hypot(max(self.scatter_n), self.asymmetry_n, zero_n or 0.0)
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.range_m
         low, high = f"{low_n:z.0f}", f"{high_n:z.0f}"
         load = f"{low} N" if low == high else f"{low} to {high} N"
