@@ -144,10 +144,10 @@ def _of_mixed_rows(columns: Columns) -> Iterator[Finding]:
     """Refuse a signal that changes far more from row to row than over some rows: rows of several are in turn."""
     for name in (*PRESSURES, DRIVE_FORCE, POSITION):
         own = columns.get(name, np.empty(0))
-        if len(own) < 2 * IN_TURN[-1]:
+        if len(own) < 2 * IN_TURN[-1] or np.mean(np.abs(np.diff(own)) > LEAST_MIXED * np.ptp(own)) <= 0.25:
             continue
         change, *others = (float(np.quantile(np.abs(own[rows:] - own[:-rows]), 0.75)) for rows in IN_TURN)
-        if change > max(MIXED * min(others), LEAST_MIXED * float(np.ptp(own))):
+        if change > MIXED * min(others):
             text = (
                 f"{name} changes by {spoken(name, change)} from row to row, but by {spoken(name, min(others))} over "
                 f"{IN_TURN[1 + others.index(min(others))]} rows: rows of several cylinders, sensors or statistics are "
