@@ -101,3 +101,12 @@ def test_newest_first_is_refused_if_long_and_turned_round_if_short(tmp_path: Pat
     assert all(isinstance(each, Quarantined) and each.reason.endswith(words) for each in refused)
     (whole,) = parts_of(tmp_path / "log.csv", recipe(cylinder), None)
     assert len(whole) == ROWS
+
+
+def test_many_time_columns_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder) -> None:
+    lines = ["t;p1;t;p2;x", *(f"{row};1.5;{row};2.5;3.5" for row in range(3_000))]
+    (tmp_path / "scope.csv").write_text("\n".join([*lines, ""]))
+    monkeypatch.setattr("cylinder_friction.recordings.formats.delimited.MOST_INDIVISIBLE", 10_000)
+    (refused,) = outcomes(tmp_path / "scope.csv", recipe(cylinder), 1_000)
+    assert isinstance(refused, Quarantined)
+    assert "has columns of one name (t), which may end at rows of their own, and is then read whole" in refused.reason

@@ -34,19 +34,8 @@ def test_vectors_matrices_and_structs_are_channels(tmp_path: Path) -> None:
         },
     )
     (table,) = read_logged_file(path)
-    names = [
-        "t",
-        "row",
-        "counts",
-        "pressures_1",
-        "pressures_2",
-        "lying_1",
-        "lying_2",
-        "log.P1",
-        "log.deep.x",
-        "kp.data",
-        "on",
-    ]
+    names = ["t", "row", "counts", "pressures_1", "pressures_2", "lying_1", "lying_2"]
+    names += ["log.P1", "log.deep.x", "kp.data", "on"]
     assert list(table.channels.columns) == names
     np.testing.assert_array_equal(table.channels["pressures_2"], T + 2)
     np.testing.assert_array_equal(table.channels["lying_2"], T + 2)

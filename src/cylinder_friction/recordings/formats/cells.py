@@ -237,9 +237,8 @@ _LINE = re.compile(r"^[\s#%;\"*/]*(T0|[^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$"
 _SPAN = re.compile(r"(test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)(time|zeit)")
 """Words before a duration, or before a time of day if the date has the same first word."""
 _DATE = re.compile(rf"(?<!\d){DATE}(?!\d)")
-_AMID = re.compile(
-    rf"\b(?:log|sec)\s+(?={DATE} \d)", re.IGNORECASE
-)  # PuTTY log 2026.03.14 08:15; Time: 1.5 Sec 3/14/2026
+_AMID = re.compile(rf"\b(?:log|sec)\s+(?={DATE} \d)", re.IGNORECASE)
+"""Before a start within a line: PuTTY log 2026.03.14 08:15; Time: 1.5 Sec 3/14/2026."""
 _COUNT = re.compile(r"[=\s\"]*(\d{5,18}(?:[.,]\d+)?)(?![\w.:/-]|,\d)")
 _CLOCK = re.compile(rf"(?<!\d)(?P<time>{TIME_OF_DAY})(?: ?(?P<zone>{ZONE}))?(?: ?(?P<letters>[A-Z]{{2,4}}[TZ])\b)?")
 

@@ -30,6 +30,7 @@ from cylinder_friction.recordings.formats.cells import (
 from cylinder_friction.recordings.formats.format import (
     AUTOMATIC,
     HEAD_SIZE,
+    MOST_INDIVISIBLE,
     Column,
     CsvOptions,
     FileSource,
@@ -82,7 +83,12 @@ def read_delimited(
     start, rate_hz = start_in_header(header), rate_in_header(header, layout.delimiter)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
     parts, repeated = 1 if rows is None else max(1, round(size / row_size / rows)), repeated_names(layout.names)
-    parts = 1 if repeated else parts  # they may end at rows of their own
+    if parts > 1 and repeated and source.size > MOST_INDIVISIBLE:
+        raise RecordingError(
+            f"has columns of one name ({', '.join(sorted(repeated))}), which may end at rows of their own, and is then "
+            f"read whole, up to {MOST_INDIVISIBLE / 1e6:.0f} MB; export it with one time column, or split it"
+        )
+    parts = 1 if repeated else parts
     step, bounds = -(-size // parts), [begin]
     while bounds[-1] < text.end:
         bounds.append(_line_end(text, bounds[-1] + step))
@@ -99,10 +105,8 @@ def _refuse_stated(header: list[str], delimiter: str) -> None:
     for line in header:
         name, *rest = split_cells(line, delimiter) or [""]
         own = {cell for cell in rest if cell}
-        alike = len({":" in cell for cell in own if is_value(cell, None)}) == 1 and all(
-            is_value(cell, None) for cell in own
-        )
-        if _START.fullmatch(re.sub(r"[\[(].*", "", name).strip("#% ")) and alike and len(own) > 1:
+        differ = len(own) > 1 and all(is_value(cell, None) for cell in own) and len({":" in cell for cell in own}) == 1
+        if differ and _START.fullmatch(re.sub(r"[\[(].*", "", name).strip("#% ")):
             raise RecordingError(
                 f"states different starts of its channels, {line.strip()[:80]!r}; expected one; write a time column "
                 "for each channel, or cut all to a common start and take that line out"
@@ -285,9 +289,7 @@ class _Grid:
     def numbered(self) -> bool:
         """Whether the first column counts the rows, as R writes it without a name."""
         counts = [row[0] for row in self.rows if len(row) == self.width]
-        return len(counts) > 2 and all(
-            one.isdecimal() and other == str(int(one) + 1) for one, other in pairwise(counts)
-        )
+        return len(counts) > 2 and all(one.isdecimal() and two == str(int(one) + 1) for one, two in pairwise(counts))
 
     def is_heading(self, cells: list[str]) -> bool:
         """Check whether a line has a cell for each column, lacks one without a name, or has LabVIEW's comments."""
