@@ -87,7 +87,7 @@ recording_checks.inspect_recording = lambda *_: iter(())
 conversion.screen_signals = lambda signals, *_: (dict(signals), ())
 label.smoothing_deviation = label.inertia_deviation = lambda *_: 0.0
 label.label_uncertainty = friction_of_logs.offset_evidence = lambda *_: None
-friction_of_logs.friction_levels = lambda _: ()
+friction_of_logs.friction_levels, friction_of_logs.missing_mass = lambda _: (), lambda *_: ""
 friction_of_logs.RecordingFriction.finished = lambda _, recording, *__: (
     recording.with_columns(**{"lower_n": recording.column("friction_n"), **recording.columns})
 )
