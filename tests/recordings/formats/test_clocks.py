@@ -162,12 +162,6 @@ def test_a_time_of_day_counts_from_midnight(tmp_path: Path, cells: list[str], un
     np.testing.assert_allclose(table.channels["Zeit"], expected, rtol=1e-15)
 
 
-@pytest.mark.parametrize(
-    "cell",
-    [
-        "31.02.2026 08:15:00",
-        "14.03.2026 08:15:00 CEST",
-    ],
-)
+@pytest.mark.parametrize("cell", ["31.02.2026 08:15:00", "14.03.2026 08:15:00 CEST"])
 def test_what_is_no_date_stays_text(tmp_path: Path, cell: str) -> None:
     assert times(tmp_path, ["14.03.2026 08:15:00", cell]).channels["Zeit"].tolist() == ["14.03.2026 08:15:00", cell]

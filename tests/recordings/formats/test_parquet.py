@@ -57,3 +57,12 @@ def test_dates_that_are_text_are_dates(tmp_path: Path, large: pa.DataType, wante
     (read,) = read_logged_file(tmp_path / "log", wanted=wanted)
     assert read.utc
     assert read.channels["stamp"].iloc[1] == np.datetime64("2026-03-14T07:15:00.005")
+
+
+def test_a_date_and_a_time_of_day_in_two_columns_are_one_stamp(tmp_path: Path) -> None:
+    clock = pa.array(5000 * np.arange(40), pa.int64()).cast(pa.time64("us"))
+    days = pa.array([20000] * 40, pa.int32()).cast(pa.date32())
+    pq.write_table(pa.table({"Date": days, "Time": clock, "P1": np.arange(40.0)}), tmp_path / "log")
+    (read,) = read_logged_file(tmp_path / "log", wanted=["Time", "P1"])
+    assert list(read.channels) == ["Time", "P1"]
+    assert read.channels["Time"].iloc[2] == np.datetime64("2024-10-04T00:00:00.010")
