@@ -49,7 +49,7 @@ NOISY_S, NOISIER, FAINT, HELD = 0.5, 20.0, 1e-3, 0.6
 """Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
 share of the stroke. Values are held if at most this share of its rows has a new one."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
-IN_TURN, MIXED, LEAST_MIXED = (1, 2, 3, 4), 5.0, 0.02  # Rows compared; least ratio of changes, and share of the range
+IN_TURN, MIXED, LEAST_MIXED = (1, 2, 3), 5.0, 0.02  # Rows (over 4, 50 Hz of the mains repeats); least ratio, share
 FEWEST_HOLDS, EVEN_HOLDS, LATE_HOLD, LARGE_STEPS = 20, 0.75, 0.2, 0.1
 """Of a signal that is refreshed less often than logged: fewest refreshes, least share at the usual distance, largest
 deviation from it, and least share of larger steps, because slow motion passes the steps of a converter as evenly."""
