@@ -80,10 +80,10 @@ def _without_codes(
     low, high = {"pressure": CREDIBLE_PA, "length": (-stroke_m, 2.0 * stroke_m)}.get(QUANTITIES[column], (0.0, 0.0))
     if sensor is not None:
         low, high = 2.0 * sensor.low - sensor.high, 2.0 * sensor.high - sensor.low
-    for code in (np.fmin.reduce(values), np.fmax.reduce(values)) if high > low and len(values) else ():
+    ends = (np.fmin.reduce(values), np.fmax.reduce(values)) if high > low and len(values) else ()
+    for code in (each for each in ends if math.isfinite(each) and not low <= each <= high):
         coded, others = values == code, values[(values != code) & np.isfinite(values)]
-        beyond = math.isfinite(code) and not low <= code <= high
-        if beyond and coded.sum() > 1 and len(others) and np.abs(others - code).min() > np.ptp(others):
+        if coded.sum() > 1 and len(others) and np.abs(others - code).min() > np.ptp(others):
             where = f"in {coded.sum()} rows (first: row {int(np.argmax(coded)) + 1})"
             why = "which no sensor reads: a mark of missing samples, or a broken wire"
             notes.append(f"{column} is {spoken(column, code)} {where}, {why}; taken as missing")

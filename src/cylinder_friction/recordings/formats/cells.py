@@ -414,7 +414,7 @@ def _with_parts(table: LoggedTable, wanted: Collection[str]) -> LoggedTable:
 
 
 def _whole_seconds(table: LoggedTable, name: str, late_ns: NDArray[np.int64]) -> bool:
-    """Check whether a column is stamps of whole seconds; one without a unit steps where the part begins anew."""
+    """Check whether a column counts whole seconds; without a unit, it must step exactly where the part wraps."""
     stamps, unit = table.channels[name].to_numpy(), table.units.get(name) or words_of(name).unit
     if stamps.dtype.kind not in "Miuf" or not _known(stamps, 1) or _known(stamps, DAY_S):
         return False
