@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -59,7 +60,8 @@ class World:
 
     zero_bar: float = 0.15
     stated_bar: float = 0.15
-    options: Mapping[str, float] = field(default_factory=dict)  # Fields of ``CampaignPlan``
+    options: Mapping[str, Any] = field(default_factory=dict)  # Fields of ``CampaignPlan``
+    zeroed: bool = True  # Whether sensors are stated to be zeroed before each session
     load: str = "none"  # As ``--load`` states it
     noisy_position: bool = False
     identifies: bool = False  # Whether `identify` reads condition 1 too
@@ -68,11 +70,11 @@ class World:
 
     @property
     def weight_n(self) -> float:
-        return self.options.get("weight_n", 0.0)
+        return float(self.options.get("weight_n", 0.0))
 
     @property
     def line_bar(self) -> float:
-        return self.options.get("line_loss_bar", 0.0)
+        return float(self.options.get("line_loss_bar", 0.0))
 
 
 WEIGHT = {"weight_n": WEIGHT_N}
@@ -81,6 +83,10 @@ WORLDS = {
     "zeros worse than stated": World(0.6, 0.05),
     "asymmetry by condition": World(options={"asymmetry_by_condition": 0.1}),
     "asymmetry by session": World(options={"asymmetry_sd": 0.02}),
+    "zeros kept": World(options={"zeros": "kept"}, zeroed=False),
+    "zeros drift": World(options={"zeros": "drifting"}, zeroed=False),
+    "large zeros kept": World(1.25, 1.25, options={"zeros": "kept"}, zeroed=False, identifies=True),
+    "zeros kept and drift": World(options={"zeros": "kept and drifting"}, zeroed=False),
     "weight that nobody states": World(options=WEIGHT),
     "weight by position": World(options=WEIGHT, load="position", identifies=True),
     "weighed load": World(options=WEIGHT, load=f"{WEIGHT_N + 23.0:g}+-40"),
@@ -364,7 +370,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identification.py ZEROS",
-        r"^zeros +(?:zero the sensors|map the load)|^intervals of 95 % hold",
+        r"^zeros +(?:state how exact|map the load)|^intervals of 95 % hold",
         lambda *_: True,  # Advice, and what the intervals are, which are counted
     ),
     (
@@ -412,7 +418,7 @@ def simulated(world: World, seed: int, quick: bool, sessions: int = 3) -> Simula
         duration_s=15.0 if quick else 25.0,
         residual_offset_bar=world.zero_bar,
         specimen=world.specimen,  # type: ignore[arg-type]
-        **world.options,  # type: ignore[arg-type]
+        **world.options,
     )
     rig = SPECIMENS[world.specimen](default_rig(cylinder, plan.supply), np.random.default_rng([seed, 0, 0, 0]))
     return Simulated(world, cylinder, rig.friction, tuple(campaign(cylinder, plan)))
@@ -423,6 +429,7 @@ def write_logs(made: Simulated, folder: Path) -> Path:
     content = yaml.safe_load(MAPPING.read_text())
     for name in ("pressure_1_pa", "pressure_2_pa"):
         content["channels"][name]["sensor"]["zero_uncertainty"] = made.world.stated_bar / math.sqrt(3.0)
+        content["channels"][name]["sensor"]["zeroed"] = "each session" if made.world.zeroed else ""
         if stated_bar := made.world.line_stated * made.world.line_bar:
             share = 1.0 if name == "pressure_1_pa" else made.cylinder.piston_area_m2 / made.cylinder.annulus_area_m2
             line = {"bar": stated_bar, "speed_m_s": LOSS_SPEED_M_S * share, "laminar_percent": 20.0}

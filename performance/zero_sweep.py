@@ -63,6 +63,7 @@ class Kind:
     stated_bar: float  # What is stated for it
     specimen: str = "wide"  # Of the default rig; ``servo`` is the other rig
     asymmetry_sd: float = 0.0  # Of friction retracting over extending, from session to session
+    zeroed: bool = True  # Whether sensors are stated to be zeroed before each session
     options: tuple[tuple[str, Any], ...] = ()  # Further fields of ``CampaignPlan``
 
 
@@ -73,6 +74,10 @@ KINDS = {
     "stated too small": Kind(0.15, 0.05),
     "asymmetry by session": Kind(0.15, 0.15, asymmetry_sd=0.02),
     "asymmetry by condition": Kind(0.15, 0.15, options=(("asymmetry_by_condition", 0.1),)),
+    "zeros kept": Kind(0.15, 0.15, zeroed=False, options=(("zeros", "kept"),)),
+    "zeros drift": Kind(0.15, 0.15, zeroed=False, options=(("zeros", "drifting"),)),
+    "zeros kept and drift": Kind(0.15, 0.15, zeroed=False, options=(("zeros", "kept and drifting"),)),
+    "zeros anew, not stated so": Kind(0.15, 0.15, zeroed=False),
     "pressure lag": Kind(0.15, 0.15, options=(("pressure_lag_s", 0.01),)),
     "100 Hz": Kind(0.15, 0.15, options=(("sample_time_s", 0.01),)),
     "500 Hz": Kind(0.15, 0.15, options=(("sample_time_s", 0.002),)),
@@ -125,7 +130,7 @@ def _in_si(logger: pd.DataFrame) -> pd.DataFrame:
 
 
 def _stated(recording: Recording, kind: Kind) -> Recording:
-    sensor = SensorUncertainty(kind.stated_bar * BAR / np.sqrt(3.0), 0.0005, 0.061 * BAR)
+    sensor = SensorUncertainty(kind.stated_bar * BAR / np.sqrt(3.0), 0.0005, 0.061 * BAR, kind.zeroed)
     return replace(recording, metadata=replace(recording.metadata, uncertainty=dict.fromkeys(PRESSURES, sensor)))
 
 

@@ -16,8 +16,8 @@ STEP_S, DURATION_S = 0.01, 40.0
 ZERO_PA = 3000.0
 AREAS_M2 = (np.pi * 0.063**2 / 4.0, -np.pi * (0.063**2 - 0.028**2) / 4.0)
 LIFT = Cylinder(bore_diameter_m=0.1, rod_diameter_m=0.07, stroke_m=0.5, moving_mass_kg=430.0)
-CELL = {"load_force_n": SensorUncertainty(5.0, 0.0)}
-PRESSURES = {name: SensorUncertainty(ZERO_PA, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
+CELL = {"load_force_n": SensorUncertainty(5.0, 0.0, zeroed=True)}
+PRESSURES = {name: SensorUncertainty(ZERO_PA, 0.0, zeroed=True) for name in ("pressure_1_pa", "pressure_2_pa")}
 
 
 def sliding(
@@ -52,7 +52,9 @@ def sliding(
         table["pressure_2_pa"] = rod_pa
         table["pressure_1_pa"] = (label_n + rod_pa * cylinder.annulus_area_m2) / cylinder.piston_area_m2
     table |= {name: np.full(len(time_s), value) for name, value in columns.items()}
-    stated = ({"drive_force_n": SensorUncertainty(12.0, 0.0)} if drive else PRESSURES) | (uncertainty or {})
+    stated = ({"drive_force_n": SensorUncertainty(12.0, 0.0, zeroed=True)} if drive else PRESSURES) | (
+        uncertainty or {}
+    )
     metadata = RecordingMetadata(f"{session}_{seed}", "1", session, STEP_S, cylinder.name, uncertainty=stated)
     return Recording(metadata, pd.DataFrame(table))
 
@@ -85,7 +87,8 @@ def lifting(number: int, bar: float, offset_n: float) -> SlidingBlocks:
         np.tile(np.linspace(0.05, 0.45, blocks), strokes),
     )
     label_n = direction * friction_n + offset_n + noise_n
-    return SlidingBlocks(f"s{number}", 104.0, 40.0, label_n, direction, np.repeat(np.arange(strokes), blocks), columns)
+    stroke = np.repeat(np.arange(strokes), blocks)
+    return SlidingBlocks(f"s{number}", 104.0, 0.0, 40.0, label_n, direction, stroke, columns)
 
 
 def errors(model: OffsetModel, recordings: dict[str, Recording]) -> tuple[np.ndarray, np.ndarray]:
@@ -129,7 +132,7 @@ def test_offsets_of_sessions_are_found_together(
 
 
 def test_the_load_cell_takes_the_share_of_an_offset_that_its_zero_makes_likely(cylinder: Cylinder) -> None:
-    cell = {"load_force_n": SensorUncertainty(9.0, 0.0)}
+    cell = {"load_force_n": SensorUncertainty(9.0, 0.0, zeroed=True)}
     recordings = list(campaign(cylinder, uncertainty=cell, load_force_n=100.0).values())
     model = fit_offset_model(recordings, cylinder)
     (corrected,) = model.corrected(recordings[:1])
@@ -179,6 +182,37 @@ def test_the_mean_of_all_sessions_stays_as_uncertain_as_the_zeros(cylinder: Cyli
     for each in model.sessions.values():
         assert abs(each.offset_n) < 3.0  # an offset common to all looks like asymmetry
         assert each.common_uncertainty_n == model.common_uncertainty_n < each.standard_uncertainty_n
+
+
+@pytest.mark.parametrize("count", [1, 3, 12])
+@pytest.mark.parametrize("zero_pa", [5e3, 50e3, 500e3], ids=["small", "like friction", "large"])
+def test_a_zero_that_sensors_keep_is_one_draw_in_any_number_of_sessions(
+    zero_pa: float, count: int, cylinder: Cylinder
+) -> None:
+    kept = {name: SensorUncertainty(zero_pa, 0.0) for name in PRESSURES}
+    offset_n = 1.5 * cylinder.piston_area_m2 * zero_pa
+    sessions = [sliding(cylinder, f"s{number}", offset_n, uncertainty=kept) for number in range(count)]
+    model = fit_offset_model(sessions, cylinder)
+    friction_n, further = model.level_n, model.identify([sliding(cylinder, "new", offset_n, uncertainty=kept)])
+    for each in (*model.sessions.values(), further):
+        smallest_n = min(each.prior_n, model.plan.asymmetry * friction_n)
+        assert each.common_uncertainty_n > 0.6 * smallest_n  # no number of sessions averages it away
+        assert abs(each.offset_n - offset_n) < 2.0 * each.standard_uncertainty_n
+        assert each.standard_uncertainty_n < 1.2 * each.prior_n
+
+
+def test_zeros_that_change_are_followed_about_the_one_that_sensors_keep(cylinder: Cylinder) -> None:
+    kept = {name: SensorUncertainty(15e3, 0.0) for name in PRESSURES}
+    recordings = campaign(cylinder, uncertainty=kept)
+    shifted = {
+        repr(float(offset) + 80.0): each.with_columns(friction_n=each.column("friction_n") + 80.0)
+        for offset, each in recordings.items()
+    }
+    model = fit_offset_model(shifted.values(), cylinder)
+    error, _ = errors(model, shifted)
+    assert np.sqrt(np.mean(error**2)) < 1.5
+    for name, each in zip(shifted, model.sessions.values(), strict=True):
+        assert abs(each.offset_n - float(name)) < 2.0 * each.standard_uncertainty_n
 
 
 def test_a_session_alone_keeps_the_uncertainty_of_zero_or_asymmetry(cylinder: Cylinder) -> None:

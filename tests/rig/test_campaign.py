@@ -162,6 +162,25 @@ def test_weight_is_carried_by_the_piston_side(cylinder: Cylinder) -> None:
     assert truth["velocity_m_s"].min() < -0.02
 
 
+def test_transmitters_can_keep_their_zeros_over_sessions(cylinder: Cylinder) -> None:
+    plan = replace(SHORT, seed=4, residual_offset_bar=1.0, sessions_per_condition=2, recordings_per_session=1)
+
+    def read_bar(zeros: str) -> np.ndarray:
+        """Read each session's zero of side 1 off the recordings, less what a campaign without zeros reads."""
+        shifted = campaign(cylinder, replace(plan, zeros=zeros))  # type: ignore[arg-type]
+        bare = campaign(cylinder, replace(plan, zeros=zeros, residual_offset_bar=0.0))  # type: ignore[arg-type]
+        pairs = [
+            (with_zero.logger["P1 [bar]"], without.logger["P1 [bar]"])
+            for with_zero, without in zip(shifted, bare, strict=True)
+        ]
+        return np.array([float(np.median(own - other)) for own, other in pairs])
+
+    assert np.ptp(read_bar("kept")) < 0.07  # one step of the converter
+    assert np.ptp(read_bar("drawn anew")) > 0.3
+    drifting = read_bar("drifting").reshape(-1, 2)  # conditions, sessions
+    assert np.ptp(drifting, axis=0).max() < 0.07 < abs(drifting[0, 1] - drifting[0, 0]) < 1.0
+
+
 def test_conditions_differ_in_asymmetry(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
     differing = list(campaign(cylinder, replace(SHORT, asymmetry_by_condition=0.2)))
     assert [not a.truth.equals(b.truth) for a, b in zip(differing, recordings, strict=True)] == [True] * 8

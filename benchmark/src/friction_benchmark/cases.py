@@ -90,7 +90,7 @@ def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: in
     pressures_pa = recording.samples(SAMPLE_COLUMNS)[:, :2]
     if task.drifts:
         pressures_pa = pressures_pa + _sensor_errors(recording, seed, draw)
-        stated = dict.fromkeys(PRESSURES, SensorUncertainty(OFFSET_PA / math.sqrt(3.0), 0.0))
+        stated = dict.fromkeys(PRESSURES, SensorUncertainty(OFFSET_PA / math.sqrt(3.0), 0.0, zeroed=True))
         recording = replace(recording, metadata=replace(recording.metadata, uncertainty=stated))
     known_truth_n = None if truth_n is None else truth_n[ahead]
     if task.reference == "truth" and known_truth_n is None:

@@ -270,5 +270,5 @@ def _bounds_in_words(run: LabelledLogs, results: Sequence[Result], offsets: Iter
         "none: nothing is stated about the sensors, so that their zeros are not identified, and friction may be off by "
         f"them. State sensor.accuracy_percent in the mapping, or accept what is typical: --sensor-class "
         f"{TYPICAL_CLASS:g} ({typical.assumed.partition(': ')[2]}) would mean "
-        f"± {COVERAGE_FACTOR * math.hypot(*zeros_n):.0f} N, and strokes of many sessions narrow it"
+        f"± {COVERAGE_FACTOR * math.hypot(*zeros_n):.0f} N"
     )

@@ -35,7 +35,6 @@ from cylinder_friction.estimation.steady_intervals import (
     NOISE_MULTIPLE,
     lines_uncertain_n,
     odd_window,
-    scatter_of_sessions,
     slope,
     slope_noise,
     steady_intervals,
@@ -77,8 +76,8 @@ BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope
 LARGE = 0.25
 """Share of mean |friction| above which the shift by the sensors' zeros is named as the reason for wide intervals."""
 ZEROS = (
-    "zero the sensors and state how exactly (--sensor-class, or sensor.zero_uncertainty in the mapping), or give more "
-    "sessions of each condition (--names), between which they were zeroed"
+    "state how exact the sensors are (--sensor-class, or sensor.accuracy_percent in the mapping); for narrower "
+    "intervals, read the sensors with vented chambers and state that (offset and sensor.zero_uncertainty)"
 )
 LOAD = (
     "map the load (a load cell, or computed from geometry), or weigh a constant one (--load NEWTONS); strokes do not "
@@ -223,7 +222,8 @@ class ModelSearch:
     def _zeros(self, recordings: Sequence[Recording]) -> Zeros:
         """Return how far the sensors' zeros, or a load identified with them, may shift friction of these recordings.
 
-        Zeros that nobody stated show in the scatter between sessions. Files whose sessions nobody named may be of one.
+        Files whose sessions nobody named may be of one. Zeros that nobody stated may be the same in all sessions, so
+        their scatter shows nothing about them.
         """
         run = self.run
         known = [run.offsets[name] for name in sorted({each.metadata.session for each in recordings} & {*run.offsets})]
@@ -233,11 +233,11 @@ class ModelSearch:
         elif np.isfinite(halves_n).all():
             half_n = mean_uncertainty_n(known) if named else max(halves_n, default=0.0)
         else:
-            half_n = scatter_of_sessions(recordings, run.cylinder, CONFIDENCE) if named else math.inf
+            half_n = math.inf
         half_n = math.hypot(half_n, run.load_uncertainty_n)
         why_not = f"zeros and load may shift friction by ± {half_n:.0f} N"
         if math.isinf(half_n):
-            why_not = "the sensors' zeros are not stated, and one session does not show them"
+            why_not = "the sensors' zeros are not stated, and strokes do not show them"
         return Zeros(half_n, why_not if half_n > LARGE * _level_n(recordings) else "")
 
     def _of(self, condition: str) -> list[Recording]:

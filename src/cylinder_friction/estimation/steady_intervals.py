@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -117,23 +116,3 @@ def steady_intervals(
 def lines_uncertain_n(recording: Recording, cylinder: Cylinder, velocity_m_s: Array) -> Array:
     """Compute the expanded uncertainty (k = 2) of the stated losses of lines as friction [N], shape ``(n,)``."""
     return np.zeros(len(velocity_m_s)) + COVERAGE_FACTOR * line_uncertainty(recording, cylinder, velocity_m_s)
-
-
-def scatter_of_sessions(recordings: Sequence[Recording], cylinder: Cylinder, confidence: float) -> float:
-    """Compute how far sensors' zeros may shift the sessions' mean friction [N], from sessions of the same condition.
-
-    It is infinite without two sessions of one condition. Zeros are assumed independent between sessions.
-    """
-    from scipy.special import stdtrit  # slow to import
-
-    sessions: dict[tuple[str, str], list[SlidingBlocks]] = {}
-    for each in recordings:
-        own = sessions.setdefault((each.metadata.condition, each.metadata.session), [])
-        own.append(sliding_blocks(each, cylinder, prior_n=0.0))
-    halves = [(condition, SlidingBlocks.together(own).halves_n()[0]) for (condition, _), own in sessions.items()]
-    found = pd.DataFrame(halves, columns=["condition", "half_n"]).dropna()
-    off_n = found["half_n"] - found.groupby("condition")["half_n"].transform("mean")
-    free = len(found) - found["condition"].nunique()
-    if free < 1:
-        return np.inf
-    return float(stdtrit(free, 0.5 + 0.5 * confidence) * np.sqrt((off_n**2).sum() / free / len(found)))

@@ -26,6 +26,7 @@ from cylinder_friction.labelling.sliding_blocks import (
     zero_uncertainty_n,
 )
 from cylinder_friction.recordings.columns import ALL_CONDITIONS, COVERAGE_FACTOR, LOAD_FORCE, PRESSURES
+from cylinder_friction.recordings.mapping.channel_mapping import EACH_SESSION
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.wording import four_digits
 
@@ -41,6 +42,10 @@ LEAST_IN_CONDITION = 3
 """Least number of sessions of a condition for identifying their deviations from the mean."""
 ODD_SHARE = 0.1
 """Largest share of uneven sessions that may be left out; if more are uneven, friction or zeros are the cause."""
+VENT = (
+    "vent the chambers and state what each sensor reads then (offset and sensor.zero_uncertainty in the mapping), or "
+    f"sensor.zeroed: {EACH_SESSION} if they are zeroed"
+)
 RARE = 0.05
 """Probability of larger deviations between sessions, if zeros are as stated, below which their intervals widen."""
 NINE_OF_TEN = 0.64
@@ -74,6 +79,7 @@ class KnownOffset:
     stated_n: float = math.nan
     offset_n: float = math.nan  # Offset to subtract from friction [N]; NaN if unknown
     doubt: str = ""  # What is not as stated, so that bounds may be too narrow; empty if nothing shows that
+    kept: bool = False  # Whether sensors keep their zeros, so that sessions share an error of up to ``stated_n``
 
     @property
     def value(self) -> str:
@@ -177,9 +183,10 @@ def _spread_factor(model: OffsetModel, conditions: Mapping[str, str], plan: Offs
     found = [each for each in model.sessions.values() if each.strokes_extend and each.strokes_retract]
     _, place, counts = np.unique([conditions[each.session] for each in found], False, True, True)
     free, own_n = len(found) - len(counts), 0.5 * cautious(plan, model.sessions).asymmetry_sd * model.level_n
-    stated_n = np.array([max(each.prior_n, 1e-9) for each in found])
+    stated_n, changing_n = (np.maximum([getattr(each, name) for each in found], 1e-9) for name in ("prior_n", "own_n"))
     # An offset and a session's own asymmetry are not told apart: the model takes a share of both for the offset
-    both_n = np.array([each.offset_n for each in found]) * (1.0 + (_own_asymmetry_n(model) / stated_n) ** 2)
+    offsets_n = np.array([each.offset_n - model.kept.offset_n for each in found])
+    both_n = offsets_n * (1.0 + (model.own_asymmetry_n / changing_n) ** 2)
     off_n = both_n - (np.bincount(place, both_n) / counts)[place]
     square = float(np.sum(off_n**2 / (stated_n**2 + own_n**2)))
     return math.sqrt(square / free) if free and chdtrc(free, square) < RARE else 1.0
@@ -215,9 +222,8 @@ def _deviation_models(
         alone = names == set(of_all.sessions)
         model = of_all if alone else offset_model(own, of_all.quantities.cylinder, cautious(plan, names))
         model = model.about_mean()
-        prior_n = max(each.prior_n for each in model.sessions.values())
-        worst_n = max(each.standard_uncertainty_n for each in model.sessions.values())
-        if _own_asymmetry_n(model) <= prior_n and worst_n < LEAST_NARROWING * prior_n:
+        changing_n = max(each.own_n for each in model.sessions.values())
+        if model.own_asymmetry_n <= changing_n and model.changing_uncertainty_n < LEAST_NARROWING * changing_n:
             models[condition] = model
     return models
 
@@ -262,8 +268,8 @@ def _conditions_n(model: OffsetModel, conditions: Mapping[str, str], plan: Offse
     names, place, counts = np.unique([conditions[each.session] for each in found], False, True, True)
     if not 1 < len(names) < len(found):
         return {}
-    squares = np.bincount(place, [each.offset_n for each in found]) ** 2 / counts**2
-    own = np.bincount(place, [each.prior_n**2 - each.relative_uncertainty_n**2 for each in found]) / counts**2
+    squares = np.bincount(place, [each.offset_n - model.kept.offset_n for each in found]) ** 2 / counts**2
+    own = np.bincount(place, [each.own_n**2 - each.relative_uncertainty_n**2 for each in found]) / counts**2
     alike = np.maximum(own, 1e-9) * (1.0 - 1.0 / len(names))  # Variance of the means if conditions are alike
     ratio = np.linspace(0.0, 4.0, 401)[:, None]  # Standard deviation between conditions, over that of its prior
     differ = (plan.asymmetry * model.level_n * ratio) ** 2
@@ -272,11 +278,6 @@ def _conditions_n(model: OffsetModel, conditions: Mapping[str, str], plan: Offse
     likely = np.exp(0.5 * (unlikely.min() - unlikely))
     variance = np.average(share * alike + share**2 * squares, axis=0, weights=likely)
     return dict(zip(names.tolist(), np.sqrt(variance).tolist(), strict=True))
-
-
-def _own_asymmetry_n(model: OffsetModel) -> float:
-    """Compute how far a session's own asymmetry, as fitted, shifts its friction [N] (k = 1)."""
-    return 0.5 * model.plan.asymmetry_sd * model.level_n
 
 
 def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
@@ -305,10 +306,11 @@ def _from_strokes(found: SessionOffset, words: str, condition_n: float = 0.0) ->
 def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
     """Compute how far the sensors' zeros may shift the sessions' mean friction [N] (k = 2); 0 if unknown.
 
-    Stated zeros are independent between sessions. The error left in identified zeros is partly common to all sessions.
+    Zeros of sensors that are zeroed before each session are independent between sessions. Zeros that sensors keep, and
+    the error left in identified zeros, are common to all.
     """
     own = [each.uncertainty_n for each in known if math.isfinite(each.uncertainty_n)]
-    alike = any(each.source == STROKES for each in known)
+    alike = any(each.source == STROKES or each.kept for each in known)
     return math.sqrt(sum(each**2 for each in own) / len(own) / (1 if alike else len(own))) if own else 0.0
 
 
@@ -332,8 +334,8 @@ def _known(
         together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
         return _from_strokes(found, f"{_counted(found, plan)}, {found.sliding_s:.0f} s, {together}", condition_n)
     stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))
-    source = NOTHING if math.isnan(stated_n) else STATED
-    return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n, doubt=doubt)
+    source, kept = NOTHING if math.isnan(stated_n) else STATED, any(each.sliding.kept_n > 0.0 for each in own)
+    return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n, doubt=doubt, kept=kept)
 
 
 def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
@@ -346,6 +348,8 @@ def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> 
     if narrow and model.plan.asymmetry <= UNEXPECTED * plan.asymmetry:
         return ""
     more = f"; give at least {LEAST_SESSIONS} sessions of the cylinder together" if few else ""
+    if found.own_n < found.prior_n and not found.common_uncertainty_n < LEAST_NARROWING * found.prior_n:
+        more = f"; {VENT}"
     return _doubt(model, plan) or (
         "strokes in both directions narrow it no further, as friction of each session may be asymmetric in its own "
         f"way{more}"

@@ -16,8 +16,12 @@ as cold oil makes fast strokes heavier.
 Strokes do not separate a session's own asymmetry from its offset. The standard deviation of that asymmetry is therefore
 stated and adds to the uncertainty. If sessions differ by more than the stated asymmetry and zeros explain, the fit uses
 the larger value that they show. Nor do strokes separate **the mean offset of all sessions from their common
-asymmetry**: the mean offset stays 0, and its uncertainty is that of the sensors' zeros, divided by the square root of
-the number of sessions.
+asymmetry**: the mean offset stays 0, and its uncertainty is that of the sensors' zeros.
+
+A sensor keeps its zero from session to session, unless it is zeroed before each. What it keeps is one draw, common to
+all sessions and as uncertain as stated, however many sessions there are. What else changes from session to session is
+as large as their scatter shows, at most as large as stated. Of zeros that are drawn anew in each session, the mean is
+as uncertain as stated, divided by the square root of the number of sessions.
 
 The fit does not identify a gain error of the sensors. Its part that does not change with direction goes into the offset
 or, if all sessions share it and it grows with the load, into h.
@@ -88,6 +92,7 @@ class SessionOffset:
     standard_uncertainty_n: float
     common_uncertainty_n: float  # Part common to all sessions: the uncertainty of their mean offset [N]
     prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
+    own_n: float  # Standard deviation of the part of the zeros that changes from session to session [N]
     # Number of strokes; offset and level of friction are separated only if both numbers are positive
     strokes_extend: int
     strokes_retract: int
@@ -97,6 +102,31 @@ class SessionOffset:
     def relative_uncertainty_n(self) -> float:
         """Standard uncertainty (k = 1) relative to the mean offset of all sessions [N]."""
         return math.sqrt(max(self.standard_uncertainty_n**2 - self.common_uncertainty_n**2, 0.0))
+
+
+@dataclass(frozen=True)
+class KeptZero:
+    """The part of the zeros that all sessions share, because sensors keep it."""
+
+    stated_n: float = 0.0  # Standard uncertainty as stated, as friction [N]
+    own_n: float = math.inf  # Greatest standard deviation of what else changes from session to session [N]
+    offset_n: float = 0.0  # Part of each session's offset, if friction is about as symmetric as planned [N]
+    uncertainty_n: float = 0.0  # Standard uncertainty of ``offset_n`` [N]
+
+    @classmethod
+    def of(cls, sessions: Sequence[SlidingBlocks]) -> Self:
+        """Take the greatest part that is stated as kept, and what the scatter of sessions shows of the rest."""
+        halves_n = np.array([each.halves_n()[0] for each in sessions])
+        halves_n = halves_n[np.isfinite(halves_n)]
+        scatter_n = float(halves_n.std(ddof=1)) if len(halves_n) > 1 else 0.0
+        return cls(max(each.kept_n for each in sessions), scatter_n)
+
+    def own_part_n(self, session: SlidingBlocks) -> float:
+        """Compute the standard deviation of the part of a session's zeros that its sensors do not keep [N]."""
+        if not session.kept_n:
+            return session.prior_n
+        zeroed_n = math.sqrt(max(session.prior_n**2 - session.kept_n**2, 0.0))
+        return math.hypot(zeroed_n, min(session.kept_n, self.own_n))
 
 
 @dataclass(frozen=True)
@@ -118,6 +148,7 @@ class OffsetModel:
     coefficients: tuple[float, ...] = ()  # Coefficients of friction and its common asymmetry, over ``level_n``
     precision: tuple[tuple[float, ...], ...] = ()  # Inverse of the coefficients' covariance
     common_uncertainty_n: float = math.nan  # Standard uncertainty of the mean offset of all sessions [N]
+    kept: KeptZero = field(default_factory=KeptZero)
     sessions: Mapping[str, SessionOffset] = field(default_factory=dict)  # Offsets of the sessions of the fit
 
     def about_mean(self) -> Self:
@@ -126,8 +157,10 @@ class OffsetModel:
         The mean cannot be told from an asymmetry of friction. It stays in friction, with the uncertainty of the stated
         zeros of these sessions. The deviations are right if asymmetry does not change between sessions.
         """
-        mean_n = sum(each.offset_n for each in self.sessions.values()) / len(self.sessions)
-        return self._shifted(mean_n, _common_n(self.sessions.values()))
+        found = self.sessions.values()
+        mean_n = sum(each.offset_n for each in found) / len(self.sessions)
+        model = replace(self, kept=replace(self.kept, offset_n=0.0, uncertainty_n=self.kept.stated_n))
+        return model._shifted(mean_n, math.hypot(_mean_n(each.own_n for each in found), self.kept.stated_n))
 
     def _shifted(self, mean_n: float, common_n: float) -> Self:
         """Build the model with the mean offset moved into friction, with the uncertainty ``common_n``."""
@@ -163,6 +196,7 @@ class OffsetModel:
                 "identify each session's offset by itself"
             )
         session = SlidingBlocks.together(parts)
+        session = replace(session, label_n=session.label_n - self.kept.offset_n)
         missing = [column for column in inputs if column not in session.columns]
         if missing:
             raise RecordingError(
@@ -173,8 +207,9 @@ class OffsetModel:
         friction = [self.scale] if self._warm_known else [self.scale, self.slope]
         part = seen.reduced(self.noise_n, self.stroke_n, asymmetry_sd, friction)
         posterior = solved(precision, precision @ np.array(self.coefficients), part)
-        found = seen.offsets(posterior, part, asymmetry_sd)
-        return _session_offsets(*found, [session], self.common_uncertainty_n)[0]
+        offset_n, own_n = seen.offsets(posterior, part, asymmetry_sd)
+        offset_n, own_n = offset_n + self.kept.offset_n, np.hypot(own_n, self.kept.uncertainty_n)
+        return _session_offsets(offset_n, own_n, [session], self.kept, self.common_uncertainty_n)[0]
 
     def corrected(self, recordings: Sequence[Recording]) -> list[Recording]:
         """Subtract their session's offset from the labels of recordings, and state its uncertainty.
@@ -195,7 +230,26 @@ class OffsetModel:
 
     def _common_seen_n(self, sessions: Sequence[SlidingBlocks]) -> float:
         """Compute the uncertainty of the sessions' mean offset from the stated zeros and the asymmetry [N]."""
-        return 1.0 / math.hypot(1.0 / _common_n(sessions), 1.0 / max(self.plan.asymmetry * self.level_n, 1e-9))
+        stated_n, asymmetry_n = self._stated_mean_n(sessions), self.plan.asymmetry * self.level_n
+        if not self.kept.stated_n:
+            return _together_n(stated_n, asymmetry_n)
+        # The mean of the sessions' own asymmetries looks like the zero that they share
+        return _one_draw_n(stated_n, math.hypot(asymmetry_n, self.own_asymmetry_n / math.sqrt(len(sessions))))
+
+    def _stated_mean_n(self, sessions: Sequence[SlidingBlocks]) -> float:
+        """Compute the uncertainty of the sessions' mean offset from the stated zeros alone [N]."""
+        return math.hypot(_mean_n(map(self.kept.own_part_n, sessions)), self.kept.stated_n)
+
+    @property
+    def own_asymmetry_n(self) -> float:
+        """How far a session's own asymmetry shifts its friction [N] (k = 1)."""
+        return 0.5 * self.plan.asymmetry_sd * self.level_n
+
+    @property
+    def changing_uncertainty_n(self) -> float:
+        """Greatest standard uncertainty of an offset without the part that sensors keep [N]."""
+        kept_n = self.kept.uncertainty_n
+        return max(math.sqrt(max(each.standard_uncertainty_n**2 - kept_n**2, 0.0)) for each in self.sessions.values())
 
     @property
     def _warm_known(self) -> bool:
@@ -218,8 +272,8 @@ class OffsetModel:
         even = self.level_n * explaining[:, self.quantities.even_places]
         odd = (self.level_n * blocks.direction)[:, None] * explaining
         columns = np.column_stack([*own, odd, even, blocks.label_n])
-        prior_n = np.array([session.prior_n for session in sessions])
-        return _Seen(Evidence.of(columns, len(own), counts, blocks.stroke), prior_n, mean_level_n)
+        own_n = np.array([self.kept.own_part_n(session) for session in sessions])
+        return _Seen(Evidence.of(columns, len(own), counts, blocks.stroke), own_n, mean_level_n)
 
 
 @dataclass(frozen=True)
@@ -230,12 +284,12 @@ class _Seen:
     """
 
     evidence: Evidence
-    prior_n: Array  # Stated standard uncertainty of each session's zeros
+    own_n: Array  # Standard deviation of each session's own part of the zeros
     level_n: Array  # Mean friction of each session
 
     def reduced(self, noise_n: float, stroke_n: float, asymmetry_sd: float, friction: Sequence[float]) -> Reduced:
         """Reduce the evidence, given standard deviations; ``friction`` has the ones of scale and, if any, slope."""
-        offset_n = np.hypot(self.prior_n, 0.5 * asymmetry_sd * self.level_n)
+        offset_n = np.hypot(self.own_n, 0.5 * asymmetry_sd * self.level_n)
         deviations = np.empty((len(offset_n), 1 + len(friction)))
         deviations[:, :-1], deviations[:, -1] = friction, offset_n
         return self.evidence.reduced(noise_n, stroke_n, deviations)
@@ -244,7 +298,7 @@ class _Seen:
         """Compute posterior means and standard deviations of the sessions' offsets [N]."""
         both_n, uncertainty_n = posterior.last_effect(parts)
         asymmetry_n = 0.5 * asymmetry_sd * self.level_n
-        share = self.prior_n**2 / np.maximum(self.prior_n**2 + asymmetry_n**2, 1e-300)
+        share = self.own_n**2 / np.maximum(self.own_n**2 + asymmetry_n**2, 1e-300)
         return share * both_n, np.hypot(share * uncertainty_n, np.sqrt(share) * asymmetry_n)
 
 
@@ -309,11 +363,12 @@ def offset_model(
     few = MAY_DIFFER * asymmetry / max(len(sessions) - 1, 1)
     varies = plan.asymmetry_sd * (asymmetry / plan.asymmetry if plan.asymmetry > 0.0 else 1.0)
     plan = replace(plan, asymmetry=asymmetry, asymmetry_sd=math.hypot(varies, 2.0 * few))
-    model = OffsetModel(plan, FrictionQuantities.of(blocks, cylinder, columns), blocks.level_n)
+    quantities = FrictionQuantities.of(blocks, cylinder, columns)
+    model = OffsetModel(plan, quantities, blocks.level_n, kept=KeptZero.of(sessions))
     seen_n, priors_n = model._common_seen_n(sessions), np.array([each.prior_n for each in sessions])
     if seen_n > greatest_share * priors_n.max():
-        kept = _session_offsets(np.zeros(len(sessions)), priors_n, sessions, seen_n)
-        return replace(model, sessions={each.session: each for each in kept})
+        stated = _session_offsets(np.zeros(len(sessions)), priors_n, sessions, model.kept, seen_n)
+        return replace(model, sessions={each.session: each for each in stated})
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
     expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
     starts = [np.concatenate([expected[:2], [math.log(own)], expected[3:]]) for own in _STARTS]
@@ -326,9 +381,11 @@ def offset_model(
 def _asymmetry_seen(sessions: Sequence[SlidingBlocks], level_n: float) -> float:
     """Compute the asymmetry of friction: root mean square over sessions, minus the part that zeros explain.
 
-    A session whose friction hardly opposes its motion says nothing about it.
+    A session whose friction hardly opposes its motion says nothing about it. A zero that sensors keep is one draw: it
+    may be as large as its expanded uncertainty in all sessions.
     """
-    halves = [(*session.halves_n(), session.prior_n) for session in sessions]
+    more = COVERAGE_FACTOR**2 - 1.0
+    halves = [(*each.halves_n(), math.sqrt(each.prior_n**2 + more * each.kept_n**2)) for each in sessions]
     least_n = _LEAST_FRICTION * level_n
     squares = [(even_n**2 - prior_n**2) / odd_n**2 for even_n, odd_n, prior_n in halves if odd_n > least_n]
     return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
@@ -368,8 +425,9 @@ def _fitted(
     searched = seen if every == 1 else model._seen(sessions[::every])
     size, even = len(seen.evidence.common) - 1, len(model.quantities.even_places)
     counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, 1, even - 1
-    asymmetry = max(model.plan.asymmetry, 1e-6) * np.array([1.0, MAY_DIFFER * _QUANTITY])
-    deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, *asymmetry], counts)
+    asymmetry = max(model.plan.asymmetry, 1e-6)
+    alike = math.hypot(asymmetry, model.kept.stated_n / model.level_n)  # a zero that sensors keep looks the same
+    deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, alike, MAY_DIFFER * _QUANTITY * asymmetry], counts)
     precision, nothing = np.diag(1.0 / deviations**2), np.zeros(size)
 
     def variances(logarithms: Array) -> tuple[float, float, float, list[float]]:
@@ -409,26 +467,51 @@ def _with_sessions(
     The mean offset cannot be told from an asymmetry. It therefore stays 0, with the uncertainty of the zeros, unless
     the zeros may be much larger than an asymmetry.
     """
-    stated_n, mean_n = _common_n(sessions), 0.0
-    common_n = seen_n = model._common_seen_n(sessions)
-    if seen_n > LEAST_NARROWING * stated_n:
-        weights = np.array([1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions])
+    stated_n, kept_n = model._stated_mean_n(sessions), model.kept.stated_n
+    asymmetry_n, common_n = model.plan.asymmetry * model.level_n, model._common_seen_n(sessions)
+    own_mean_n = _together_n(_mean_n(map(model.kept.own_part_n, sessions)), math.hypot(asymmetry_n, kept_n))
+    if common_n > LEAST_NARROWING * stated_n:
+        weights = np.array([1.0 / max(model.kept.own_part_n(each), 1e-9) ** 2 for each in sessions])
         common_n, mean_n = stated_n, float(weights @ offsets_n) / float(weights.sum())
-    found = {each.session: each for each in _session_offsets(offsets_n, uncertainties_n, sessions, seen_n)}
-    return replace(model, sessions=found)._shifted(mean_n, common_n)
+        kept = replace(model.kept, uncertainty_n=kept_n)
+    else:
+        alike_n = model.level_n * model.coefficients[len(model.coefficients) - len(model.quantities.even_places)]
+        kept_offset_n = kept_n**2 / max(kept_n**2 + asymmetry_n**2, 1e-300) * alike_n
+        mean_n = -kept_offset_n
+        uncertainty_n = _one_draw_n(kept_n, asymmetry_n) if kept_n else 0.0
+        kept = replace(model.kept, offset_n=kept_offset_n, uncertainty_n=uncertainty_n)
+    found = _session_offsets(offsets_n, uncertainties_n, sessions, model.kept, own_mean_n)
+    model = replace(model, kept=kept, sessions={each.session: each for each in found})
+    return model._shifted(mean_n, common_n)
 
 
-def _common_n(sessions: Iterable[SlidingBlocks | SessionOffset]) -> float:
-    """Compute the uncertainty of the sessions' mean offset from the stated zeros [N]."""
-    return 1.0 / math.sqrt(np.array([1.0 / max(each.prior_n, 1e-9) ** 2 for each in sessions]).sum())
+def _mean_n(uncertainties_n: Iterable[float]) -> float:
+    """Compute the uncertainty of the mean of independent numbers, weighted by theirs."""
+    return 1.0 / math.sqrt(np.array([1.0 / max(each, 1e-9) ** 2 for each in uncertainties_n]).sum())
+
+
+def _together_n(stated_n: float, asymmetry_n: float) -> float:
+    """Compute the uncertainty of an offset of which strokes show the sum with an asymmetry [N]."""
+    return 1.0 / math.hypot(1.0 / max(stated_n, 1e-9), 1.0 / max(asymmetry_n, 1e-9))
+
+
+def _one_draw_n(stated_n: float, asymmetry_n: float) -> float:
+    """Compute the same of an offset that all sessions of a cylinder share, as they share the asymmetry [N].
+
+    Zero and asymmetry are one draw each in the life of a cylinder, so that their errors do not average out over its
+    sessions. They therefore add without squares, which holds for nearly every cylinder instead of for most.
+    """
+    share = stated_n**2 / (stated_n**2 + max(asymmetry_n, 1e-9) ** 2)
+    return (1.0 - share) * stated_n + share * asymmetry_n
 
 
 def _session_offsets(
-    offsets_n: Array, uncertainties_n: Array, sessions: Sequence[SlidingBlocks], common_n: float
+    offsets_n: Array, uncertainties_n: Array, sessions: Sequence[SlidingBlocks], kept: KeptZero, common_n: float
 ) -> list[SessionOffset]:
     found = []
     for session, offset_n, uncertainty_n in zip(sessions, offsets_n.tolist(), uncertainties_n.tolist(), strict=True):
         extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
-        common, prior = min(common_n, uncertainty_n), (session.prior_n, extend, retract, session.sliding_s)
+        prior = (session.prior_n, kept.own_part_n(session), extend, retract, session.sliding_s)
+        common = min(common_n, uncertainty_n)
         found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior))
     return found

@@ -61,6 +61,7 @@ class SlidingBlocks:
 
     session: str
     prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
+    kept_n: float  # Part of ``prior_n`` that sensors may keep from session to session [N]
     sliding_s: float  # Duration of the steady sliding [s]
     # Of each block, shape ``(blocks,)``: mean label [N], direction, and number of the stroke, counted from 0
     label_n: Array
@@ -89,6 +90,7 @@ class SlidingBlocks:
         return cls(
             parts[0].session,
             max(part.prior_n for part in parts),
+            max(part.kept_n for part in parts),
             sum(part.sliding_s for part in parts),
             np.concatenate([part.label_n for part in parts]),
             np.concatenate([part.direction for part in parts]),
@@ -119,6 +121,7 @@ def sliding_blocks(
     return SlidingBlocks(
         recording.metadata.session,
         prior_n,
+        min(kept_zeros_n(recording, cylinder), prior_n),
         float(pieces.counts[whole].sum()) * step_s,
         means.pop("friction_n"),
         np.sign(means["velocity_m_s"]),
@@ -152,6 +155,20 @@ def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None
     if any(column not in stated for column in areas):
         return None
     return math.sqrt(sum((area * stated[column].zero) ** 2 for column, area in areas.items()))
+
+
+def kept_zeros_n(recording: Recording, cylinder: Cylinder) -> float:
+    """Compute the part of ``zero_uncertainty_n`` [N] that is the same in all sessions of sensors that keep their zeros.
+
+    Sensors that state no zero do not count.
+    """
+    stated = recording.metadata.uncertainty
+    kept = (
+        area * stated[column].zero
+        for column, area in sensor_areas(recording, cylinder).items()
+        if column in stated and not stated[column].zeroed
+    )
+    return math.hypot(*kept)
 
 
 def sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:

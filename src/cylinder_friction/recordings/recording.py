@@ -49,6 +49,9 @@ def missing_columns(columns: Collection[str]) -> list[str]:
 class SensorUncertainty:
     """Standard uncertainty (k = 1) of what a sensor reads.
 
+    A transmitter keeps its zero: unless it is ``zeroed`` before each session, all sessions may have the same error of
+    the zero, as large as ``zero``, and no number of sessions averages it away.
+
     Example:
         >>> from cylinder_friction.recordings.recording import SensorUncertainty
         >>> SensorUncertainty(zero=3e3, span=0.0005, resolution=6.1e3).zero  # a transmitter zeroed to within 0.03 bar
@@ -58,6 +61,7 @@ class SensorUncertainty:
     zero: float  # Uncertainty of its zero, which is constant within a recording, in the column's unit
     span: float  # Uncertainty of its gain, as a share of the reading
     resolution: float = 0.0  # Step of its converter, in the column's unit; 0 if not known
+    zeroed: bool = False  # Whether it is zeroed anew before each session
 
 
 @dataclass(frozen=True)
@@ -222,7 +226,10 @@ class Recording:
         if not zeros:
             return self
         taken = {column: who.zero_offset.get(column, 0.0) + zero.offset for column, zero in zeros.items()}
-        stated = {column: replace(who.uncertainty[column], zero=zero.uncertainty) for column, zero in zeros.items()}
+        stated = {
+            column: replace(who.uncertainty[column], zero=zero.uncertainty, zeroed=True)
+            for column, zero in zeros.items()
+        }
         metadata = replace(
             who, zero_offset={**who.zero_offset, **taken}, uncertainty={**who.uncertainty, **stated}, identified_zero={}
         )

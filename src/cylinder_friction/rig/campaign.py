@@ -2,18 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
 from numpy.random import Generator
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.recording import RecordingMetadata
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.external_load import ExternalLoad, crane_load, varied_load
 from cylinder_friction.rig.faults import with_fault
-from cylinder_friction.rig.lever import TICK_S
+from cylinder_friction.rig.lever import TICK_S, ornstein_uhlenbeck
 from cylinder_friction.rig.parameters import (
     BAR_PA,
     THROTTLE_GAINS,
@@ -52,6 +54,15 @@ MAKEUP_GAIN = 2e-6  # Gain of the anti-cavitation valves [m³/s/√Pa]; they los
 LOSS_SPEED_M_S = 0.1  # Piston speed at which the plan states the loss in the lines [m/s]
 LOAD_SEED = 1
 """Last word of the load's own seed; thanks to it, hand and noise are the same with and without a load."""
+KEPT_SHARES = {"kept": 1.0, "drifting": 0.0, "kept and drifting": 0.5}
+"""Share of a zero's limit that the transmitters keep in all sessions, by ``CampaignPlan.zeros``."""
+ZERO_DRIFT_SESSIONS = 5.0
+"""Number of sessions in which a drifting zero forgets its value."""
+ZERO_DRIFT_SD = 0.5
+"""Standard deviation of a drifting zero, as a share of its limit."""
+ZERO_SESSIONS = 1000
+"""Sessions after which drifting zeros repeat themselves."""
+ZERO_SEED = 2
 
 
 @dataclass(frozen=True)
@@ -95,10 +106,22 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
                 plan.recordings_per_session * (plan.duration_s + PAUSE_S),
                 zeroed=plan.zeroed,
                 residual_offset_pa=plan.residual_offset_bar * BAR_PA,
+                zeros=_zeros(plan, number),
                 asymmetry_sd=plan.asymmetry_sd,
                 asymmetry_off=off,
             )
             yield from _session(plan, session, condition, number)
+
+
+def _zeros(plan: CampaignPlan, number: int) -> Array | None:
+    """Draw both transmitters' zeros in a session as shares of their limit; None if each session draws its own."""
+    if plan.zeros == "drawn anew":
+        return None
+    generator, kept = _generator(plan, 0, 0, ZERO_SEED), KEPT_SHARES[plan.zeros]
+    shares = generator.uniform(-1.0, 1.0, 2)
+    walk = partial(ornstein_uhlenbeck, generator, ZERO_SESSIONS, 1.0, ZERO_DRIFT_SESSIONS, ZERO_DRIFT_SD)
+    drifted = np.clip([walk()[number % ZERO_SESSIONS] for _ in shares], -1.0, 1.0)
+    return np.asarray(kept * shares + (1.0 - kept) * drifted)
 
 
 def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:

@@ -42,6 +42,9 @@ class CampaignPlan:
     supply: Literal["didactic", "industrial"] = "industrial"
     zeroed: bool = True  # Whether the pressure transmitters were zeroed before each session
     residual_offset_bar: _NotNegative = 0.05  # Largest offset that zeroing leaves [bar]
+    # How the transmitters' zeros change: drawn anew in each session, the same in all, wandering from session to session
+    # about 0, or half of each
+    zeros: Literal["drawn anew", "kept", "drifting", "kept and drifting"] = "drawn anew"
     # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
     asymmetry_sd: _NotNegative = 0.0
     fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"] = "none"

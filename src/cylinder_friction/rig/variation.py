@@ -81,6 +81,7 @@ def draw_session(
     *,
     zeroed: bool,
     residual_offset_pa: float,
+    zeros: Array | None = None,
     asymmetry_sd: float = 0.0,
     asymmetry_off: float = 0.0,
 ) -> Session:
@@ -88,13 +89,16 @@ def draw_session(
 
     Friction varies by about ±5 % from run to run: it has a level for the day and wanders slowly about it. Zeroing the
     transmitters on vented chambers leaves at most the residual offset. Without zeroing, the data sheet allows an offset
-    of ±0.5 % of the span and a gain error of ±0.3 %. The ratio of friction retracting to friction extending is off by
-    ``asymmetry_off``, and varies from session to session with the standard deviation ``asymmetry_sd``.
+    of ±0.5 % of the span and a gain error of ±0.3 %. ``zeros`` are the offsets of both transmitters as shares of these
+    limits, ``(2,)``; without them, each session draws its own. The ratio of friction retracting to friction extending
+    is off by ``asymmetry_off``, and varies from session to session with the standard deviation ``asymmetry_sd``.
     """
     day = float(np.clip(generator.normal(1.0, 0.03), 0.95, 1.05))
     count = math.ceil(duration_s / DRIFT_STEP_S) + 4
     wander = np.clip(ornstein_uhlenbeck(generator, count, DRIFT_STEP_S, 300.0, 0.015), -0.03, 0.03)
-    offset_pa = generator.uniform(-1.0, 1.0, 2) * (residual_offset_pa if zeroed else 0.005 * 250.0 * BAR_PA)
+    drawn = generator.uniform(-1.0, 1.0, 2)  # in any case, so that all that follows is the same
+    limit_pa = residual_offset_pa if zeroed else 0.005 * 250.0 * BAR_PA
+    offset_pa = (drawn if zeros is None else zeros) * limit_pa
     gain = 1.0 + generator.uniform(-1.0, 1.0, 2) * (0.0005 if zeroed else 0.003)
     temperature_c = float(generator.uniform(24.0, 46.0))
     load_offset_n, load_gain = generator.uniform(-1.0, 1.0, 2)

@@ -131,6 +131,15 @@ def test_accuracy_is_rectangular(sensor: SensorScale, zero_pa: float, span: floa
     ((column, stated),) = sensor_uncertainty(mapping).items()
     assert column == "pressure_1_pa"
     assert (stated.zero, stated.span, stated.resolution) == pytest.approx((zero_pa, span, resolution_pa))
+    assert not stated.zeroed  # what nobody states is kept
+
+
+def test_a_sensor_keeps_its_zero_unless_the_mapping_states_that_it_is_zeroed() -> None:
+    entry = {"channel": "a", "unit": "bar", "sensor": {"range": [0, 250], "unit": "bar", "accuracy_percent": 0.5}}
+    entry["sensor"]["zeroed"] = "each session"  # type: ignore[index]
+    assert sensor_uncertainty({"pressure_1_pa": ChannelMapping.from_dict(entry)})["pressure_1_pa"].zeroed
+    with pytest.raises(RecordingError, match="sensor: zeroed: expected 'each session', but got 'daily'"):
+        SensorScale((0.0, 250.0), "bar", accuracy_percent=0.5, zeroed="daily")
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def record(plan: SessionPlan, condition: str, number: int) -> ServoSession:
     logged = measure(sensors, trace, np.random.default_rng([*words, 2]))
     name = f"servo{condition}_session{number:02d}"
     step_pa = sensors.pressure_span_pa / 2**sensors.pressure_bits
-    stated = dict.fromkeys(PRESSURES, SensorUncertainty(GREATEST_OFFSET_PA / np.sqrt(3.0), 0.0, step_pa))
+    stated = dict.fromkeys(PRESSURES, SensorUncertainty(GREATEST_OFFSET_PA / np.sqrt(3.0), 0.0, step_pa, True))
     metadata = RecordingMetadata(
         name, condition, name, plan.sample_time_s, CYLINDER.name, load=plan.mounting, uncertainty=stated
     )

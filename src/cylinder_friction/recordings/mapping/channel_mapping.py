@@ -236,6 +236,9 @@ def units_agree(stated: str, configured: str) -> bool:
     return one is not None and two is not None and math.isclose(one[0], two[0]) and one[1] == two[1]
 
 
+EACH_SESSION = "each session"
+
+
 @dataclass(frozen=True)
 class SensorScale:
     """A sensor as its data sheet states it."""
@@ -250,6 +253,8 @@ class SensorScale:
     accuracy_percent: float | None = None  # Stated accuracy [± % of full scale], if known
     # Standard uncertainty (k = 1) of the zero, in ``unit``, if known; the accuracy then applies to the span alone
     zero_uncertainty: float | None = None
+    # ``EACH_SESSION`` if the sensor is zeroed anew before each session; empty if it keeps its zero
+    zeroed: str = ""
     delay_s: float = 0.0  # Delay of its signal, for example by a filter [s]; subtracted from its time stamps
     line_loss: LineLoss | None = None  # Pressure loss in the line to a pressure sensor away from the cylinder
     serial: str = ""  # Serial number
@@ -269,6 +274,7 @@ class SensorScale:
         known = accuracy is None or 0.0 <= accuracy <= 100.0
         expect(known, "sensor: accuracy_percent", "0 to 100 (of full scale)", accuracy)
         expect(zero is None or 0.0 <= zero < math.inf, "sensor: zero_uncertainty", "zero or a positive number", zero)
+        expect(self.zeroed in ("", EACH_SESSION), "sensor: zeroed", repr(EACH_SESSION), self.zeroed)
         expect(0.0 <= self.delay_s < math.inf, "sensor: delay_s", "zero or a positive number", self.delay_s)
         if zero is not None and accuracy is None:
             raise RecordingError("sensor: zero_uncertainty needs accuracy_percent beside it, which holds for the span")
@@ -466,7 +472,8 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
 
     A stated accuracy of ± a % of full scale only bounds the error, so that all errors within it are equally likely:
     u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It counts as an error of the zero, because it is constant in a recording
-    and possible at any reading. No error of the span is added, because the accuracy covers both together.
+    and possible at any reading. No error of the span is added, because the accuracy covers both together. A sensor
+    keeps its zero from session to session unless the mapping states that it is zeroed.
     """
     stated = {}
     for column, source in mapping.items():
@@ -477,7 +484,8 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
         zero, span = share * sensor.full_scale, 0.0
         if sensor.zero_uncertainty is not None:
             zero, span = sensor.zero_uncertainty, share
-        stated[column] = SensorUncertainty(zero * check_unit(column, sensor.unit)[0], span, resolution)
+        zeroed = sensor.zeroed == EACH_SESSION
+        stated[column] = SensorUncertainty(zero * check_unit(column, sensor.unit)[0], span, resolution, zeroed)
     return stated
 
 
