@@ -53,7 +53,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 @pytest.fixture(scope="session")
 def offset_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
     """The same with sensors that have an offset in each session, which was identified from all of them."""
-    stated = {name: SensorUncertainty(3000.0, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
+    stated = {name: SensorUncertainty(3000.0, 0.0, zeroed=True) for name in ("pressure_1_pa", "pressure_2_pa")}
     generator, measured = np.random.default_rng(4), []
     for recording in labelled_recordings:
         zero_pa = 3000.0 * generator.standard_normal()

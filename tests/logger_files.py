@@ -19,7 +19,13 @@ CHANNELS: dict[str, Any] = {
     "pressure_2_pa": {"channel": "p2", "unit": "bar"},
     "position_m": {"channel": "x", "unit": "mm"},
 }
-SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
+SENSOR = {
+    "accuracy_percent": 0.05,
+    "zero_uncertainty": 0.05,
+    "zeroed": "each session",
+    "range": [0.0, 250.0],
+    "unit": "bar",
+}
 STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
 SAMPLE_TIME_S = 0.005
 FINE = 20
