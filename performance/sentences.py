@@ -65,6 +65,7 @@ class World:
     load: str = "none"  # As ``--load`` states it
     noisy_position: bool = False
     identifies: bool = False  # Whether `identify` reads condition 1 too
+    mass_stated: float = 1.0  # Moving mass as stated, over the true one
     line_stated: float = 0.0  # Loss of the line as stated, with ± 20 %, over the true one; 0 if it is not stated
     specimen: str = "wide"  # As in ``CampaignPlan``, or "free of pressure"
 

@@ -64,8 +64,8 @@ if TYPE_CHECKING:
 TYPICAL_CLASS = 0.5
 """Accuracy of a typical industrial pressure sensor [± % of full scale]."""
 LABEL_BOUNDS = (
-    "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if sensors, moving mass, "
-    "load and line losses are as stated and friction is as asymmetric in each session"
+    "they hold friction in about 95 % of the rows (k = 2) if sensors, load and cylinder are as stated; docs/trust.md "
+    "lists each assumption and what happens if it is wrong"
 )
 
 
