@@ -145,7 +145,7 @@ def test_without_truth_there_is_none_anywhere_and_figures_are_of_the_estimator_t
     write_json(Path("data/processed/audit/audit.json"), {"note": "true friction is unknown here"})
     for path in [*Path("data/processed/test").glob("condition[34]*")]:  # two are enough to compare on
         path.unlink()
-    record = compare.run(tiny_params(main="paper_hybrid", truth=""))
+    record = compare.run(tiny_params(main="paper_hybrid", truth="data/raw/nothing_known"))
     report = compare.REPORT_FILE.read_text()
     assert "true friction is unknown here" in report
     assert "truth" not in compare.METRICS_FILE.read_text() + compare.HEADLINE_FILE.read_text()

@@ -41,6 +41,6 @@ def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
 
 
 def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, Array]:
-    """Read true friction [N] by recording name, as far as it is known; ``folder`` is empty if there is no truth."""
-    truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings} if folder else {}
+    """Read true friction [N] by recording name, for the recordings whose true friction is in ``folder``."""
+    truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings}
     return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}

@@ -20,7 +20,8 @@ class IngestParams(Section):
     """The folder to read, and how its files become recordings. The classes of the rules check their own numbers."""
 
     source: str
-    truth: str = ""  # Folder of true friction; empty if it is unknown
+    # Folder of true friction; DVC needs one even if no true friction is known
+    truth: Annotated[str, Field(min_length=1)]
     load: LoadMode
     oil_temperature: Literal["recorded", "input"]
     pattern: str

@@ -117,7 +117,7 @@ class Labelling:
     labeller: Labeller
     filters: Mapping[str, SignalFilter]  # All filters by method, for the audit
     method: str  # Method of the filter that smoothed the signals
-    truth: str  # Folder of true friction; empty if it is unknown
+    truth: str  # Folder of true friction, as far as it is known
     event_window_s: float  # Time around an event that the audit counts as near it [s]
 
     def identify(self, session: str, names: Sequence[str]) -> SessionIdentification:
@@ -140,7 +140,7 @@ class Labelling:
         recording = _signals(name)
         labelled = self.labeller.labelled(recording, self.filters[self.method], identified)
         write_recording(folder, labelled)
-        truth = read_truth(Path(self.truth), recording) if self.truth else None
+        truth = read_truth(Path(self.truth), recording)
         audit = None if truth is None else Audit(self.event_window_s)
         if truth is not None and audit is not None:
             self.labeller.audit(recording, truth, self.filters, audit, identified)

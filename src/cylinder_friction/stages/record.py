@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
 
 EMPTY_FILE = "README.txt"
-EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_condition is 0.\n"
+EMPTY_TEXT = (
+    "The simulated rig was not run (record.sessions_per_condition is 0). It alone knows true friction, so labels are "
+    "not audited and estimates are compared with the label.\n"
+)
 
 
 def run(params: Params) -> RunRecord:

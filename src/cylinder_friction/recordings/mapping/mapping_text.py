@@ -23,23 +23,34 @@ defaults:
   - _self_
 source: {source}
 pattern: {pattern}
-# guess: the name of the file is the session, what comes before its first _ the condition.
+# guess: the name of the {named} is the session, what comes before its first _ the condition.
 name_pattern: {name_pattern}
 {database}channels:
 {channels}
 """
 """Text of the mapping file. The lines in place of ``{channels}`` are indented by two blanks."""
+SESSION_FOLDERS = r"^(?P<session>(?P<condition>[^_/]+)_[^/]+)/"
+"""Name pattern of own recordings with a folder per session, as the guide to them recommends."""
 
 
 def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
-    """Write the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source, and a bus's DBC file."""
+    """Write the text of ``conf/ingest/<name>.yaml``; ``database`` is a bus's DBC file.
+
+    The mapping is for all files beside this one, or, if this one is in a folder of its session such as
+    ``data/raw/own/no-load_monday``, for the folders of all sessions.
+    """
+    folder = guess.path.parent
+    in_a_data_set = folder.parts[-4:-2] == ("data", "raw")
+    by_folder = in_a_data_set and re.match(SESSION_FOLDERS, f"{folder.name}/")
     ending = re.search(r"(?<=.)(\.[A-Za-z0-9]+)?\.gz$|(?<=.)\.[A-Za-z0-9]+$", guess.path.name)
     suffix = ending[0] if ending else ""
+    by_file = rf"(?P<session>(?P<condition>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"
     filled = {
         "file": printable(guess.path.name),
-        "source": quoted(guess.path.parent.as_posix()),
+        "source": quoted((folder.parent if by_folder else folder).as_posix()),
         "pattern": quoted(f"**/*{glob.escape(suffix)}"),
-        "name_pattern": quoted(rf"(?P<session>(?P<condition>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"),
+        "named": "folder" if by_folder else "file",
+        "name_pattern": quoted(SESSION_FOLDERS if by_folder else by_file),
         "database": "" if database is None else f"database: {quoted(database.as_posix())}\n",
         "channels": "\n".join(f"  {line}" for line in channel_lines(guess)),
     }
