@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 from cylinder_friction.commands.cli import main
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.storage import write_recording
+from cylinder_friction.stages._stage import LABELLED_FOLDER
 
 PROJECT = Path(__file__).parents[2]
 
@@ -58,6 +61,20 @@ def test_what_fails_only_after_hours_is_refused_by_name(
     project: Path, capsys: pytest.CaptureFixture[str], override: str, message: str
 ) -> None:
     assert message in check(capsys, override)
+
+
+def test_conditions_are_those_of_the_configured_source_and_not_of_earlier_results(
+    project: Path, capsys: pytest.CaptureFixture[str], labelled_recordings: list[Recording]
+) -> None:
+    for recording in labelled_recordings:  # conditions 1, 2, ... of the rig
+        write_recording(LABELLED_FOLDER, recording)
+    for session in ("no-load_monday", "heavy_monday"):
+        (project / "data/raw/own" / session).mkdir(parents=True)
+        (project / "data/raw/own" / session / "stroke_01.csv").touch()
+    assert check(capsys, "experiment=own", "lugre.condition=no-load") == ""
+    words = "lugre.condition: expected one of ['heavy', 'no-load'], which ingest.name_pattern finds in data/raw/own"
+    assert f"{words}, but got '1'" in check(capsys, "experiment=own")
+    assert check(capsys) == "", "the rig again"
 
 
 def test_cuda_without_cuda_is_refused(

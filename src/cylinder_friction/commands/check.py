@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.entry_points import own_class, own_kinds
 from cylinder_friction.params.checking import Params, load_params
 from cylinder_friction.params.file import PARAMS_FILE, ParamsError
-from cylinder_friction.recordings.storage import read_metadata, recording_paths
-from cylinder_friction.stages._stage import LABELLED_FOLDER, RIG_FOLDER, SERVABLE
+from cylinder_friction.recordings.logs import NameRules
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.stages._stage import RIG_FOLDER, SERVABLE
 from cylinder_friction.tracking.repository import asked_git
 
 
@@ -30,14 +32,25 @@ def problems_of(params: Params) -> Iterator[str]:
 
             if not torch.cuda.is_available():
                 yield f"{name}.device: is 'cuda', but PyTorch finds no CUDA device; use 'auto' or 'cpu'"
-    source, pattern = params.ingest.source, params.ingest.pattern
-    made = Path(source).is_relative_to(RIG_FOLDER) and params.record.recordings
-    if not made and not any(path.is_file() for path in Path(source).glob(pattern)):
+    yield from _source(params)
+
+
+def _source(params: Params) -> Iterator[str]:
+    """Look at the files that ``ingest`` will read; earlier results may be of another source."""
+    source, pattern = Path(params.ingest.source), params.ingest.pattern
+    files = [path.relative_to(source).as_posix() for path in source.glob(pattern) if path.is_file()]
+    made = source.is_relative_to(RIG_FOLDER) and params.record.recordings
+    if not made and not files:
         yield f"ingest.source: {source} holds no file that matches {pattern!r} (ingest.pattern); put your logs there"
-    if LABELLED_FOLDER.is_dir():  # else `split` looks, once recordings are there
-        there = {read_metadata(path).condition for path in recording_paths(LABELLED_FOLDER)}
-        if params.lugre.condition not in there:
-            yield f"lugre.condition: expected one of {sorted(there)}, but got {params.lugre.condition!r}"
+    conditions = set[str]()
+    for file in files:
+        with suppress(RecordingError):  # `ingest` puts this file into quarantine
+            conditions.add(NameRules(params.ingest.name_pattern).names(file).condition)
+    if conditions and params.lugre.condition not in conditions:
+        yield (
+            f"lugre.condition: expected one of {sorted(conditions)}, which ingest.name_pattern finds in {source}, "
+            f"but got {params.lugre.condition!r}"
+        )
 
 
 def _candidate(name: str) -> Iterator[str]:
