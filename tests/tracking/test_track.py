@@ -7,9 +7,11 @@ import pytest
 from mlflow import MlflowClient
 
 from candidates import NAME, champion, other_model, registered_in, runs_in, versions
+from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.registry import ALREADY, move_champion, track
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
+from pipeline_workspace import run
 
 NOT_CHAMPION = "(not champion; `cylinder-friction promote 1 friction-estimator` makes it champion)"
 
@@ -96,3 +98,18 @@ def test_artifacts_that_are_gone_are_named(registered_pipeline: Path) -> None:
     assert "version 1 (champion): its files are not at file:///" in track(root).version
     with pytest.raises(TrackingError, match="restore them from a backup, or delete the version and run"):
         registered_in(root)
+
+
+def test_files_that_are_links_into_dvcs_cache_are_logged_and_registered(pipeline: Path) -> None:
+    (pipeline / ".gitignore").unlink()  # DVC writes one
+    linked = ("models/hybrid", "reports/figures", "reports/report.html")
+    for words in (["init"], ["config", "cache.type", "symlink"], ["add", *linked]):
+        run(pipeline, "dvc", words[0], "--quiet", *words[1:])
+    assert (pipeline / "models/hybrid/network.onnx").is_symlink()
+    registered_in(pipeline)
+    assert track(pipeline).problems == []
+    assert (champion(pipeline), len(runs_in(pipeline))) == ("1", 1 + 5 + 3)
+    found = lineage(f"models:/{NAME}@champion", pipeline)
+    assert found.links["files"][0], found.text()
+    logged = [path for path in (pipeline / "mlartifacts").rglob("*") if path.is_symlink()]
+    assert logged == []

@@ -55,14 +55,16 @@ def save_model_folder(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MLflow's pyfunc warns of its own type hints when imported
         pyfunc = import_module("mlflow.pyfunc")
-    loaded = load_estimator(estimator)
+    # MLflow refuses links, and files of the estimator may be links into DVC's cache
+    files = shutil.copytree(estimator, path.with_name("estimator") / estimator.name)
+    loaded = load_estimator(files)
     model = loaded.step_model()
     write_json(golden, golden_content(model))
     pyfunc.save_model(
         path=str(path),
         python_model=str(MODEL_CODE),
         code_paths=[str(copy_package(path.with_name("code")))],
-        artifacts={"estimator": str(estimator), "golden": str(golden), "lineage": str(lineage_path)},
+        artifacts={"estimator": str(files), "golden": str(golden), "lineage": str(lineage_path)},
         signature=ModelSignature(input_schema(model), OUTPUTS),
         metadata=model_metadata(model),
         input_example=example,
