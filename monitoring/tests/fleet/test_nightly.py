@@ -140,8 +140,11 @@ def test_logs_of_nobody_copies_and_moved_logs_are_named_and_count_once(folder: P
     assert [each.sessions for each in health.lines] == [2, 2]
     for wrong in ("logs/a/2026-03-01.csv", "logs/a/again 2026-03-02.csv", "logs/2026-03-01.csv"):
         (folder / wrong).unlink()
-    health = run(folder, fleet)
-    assert reasons(health) == ["a: a-2026-03-01: its log was moved to b, where it counts"]
+    moved, late = reasons(run(folder, fleet))
+    assert moved == "a: a-2026-03-01: its log was moved to b, where it counts"
+    assert late.startswith("b: b-copy 2026-03-01: begins at 2026-03-01, more than 3 days before")
+    health = run(folder, with_own(fleet, "b", late="accept"))
+    assert reasons(health) == [moved]
     assert {each.cylinder: each.sessions for each in health.lines} == {"a": 2, "b": 3}
 
 

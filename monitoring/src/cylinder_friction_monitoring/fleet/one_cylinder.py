@@ -17,10 +17,17 @@ from cylinder_friction.files.whole_files import read_json, write_json, write_tex
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.logs import load_settings
 from cylinder_friction_monitoring.errors import Refused
-from cylinder_friction_monitoring.fleet.doubts import doubts
+from cylinder_friction_monitoring.fleet.doubts import doubts, too_late
 from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, read_or_name, session_file, state_file
 from cylinder_friction_monitoring.fleet.plan import Dimensions, FleetCylinder
-from cylinder_friction_monitoring.fleet.sessions import KeptRow, read_rows, updated_rows, with_starts, write_rows
+from cylinder_friction_monitoring.fleet.sessions import (
+    KeptRow,
+    read_rows,
+    stated_start,
+    updated_rows,
+    with_starts,
+    write_rows,
+)
 from cylinder_friction_monitoring.page.health_page import health_pane
 from cylinder_friction_monitoring.trends.assessment import Assessment, Entry, ModelBounds
 from cylinder_friction_monitoring.trends.cylinder_line import LOOK, CylinderLine, Trend, line_of
@@ -62,6 +69,7 @@ class Earlier:
     line: CylinderLine
     dimensions: Mapping[str, float]
     left_out: Mapping[str, str]
+    late: Sequence[str]  # Sessions that came too late to be assessed
     proposed: bool  # Whether it proposed retraining
 
     @classmethod
@@ -69,7 +77,8 @@ class Earlier:
         about = read_json(path)
         line = CylinderLine(**{**about["line"], "trend": Trend(**about["line"]["trend"])})
         model = about["assessment"]["model"] or {}
-        return cls(line, asdict(Dimensions(**about["dimensions"])), about["left_out"], model.get("proposed", False))
+        dimensions, proposed = asdict(Dimensions(**about["dimensions"])), model.get("proposed", False)
+        return cls(line, dimensions, about["left_out"], about.get("late", ()), proposed)
 
 
 @dataclass(frozen=True)
@@ -145,7 +154,9 @@ class CylinderRun:
         kept = found_rows or (rows if earlier or damaged else {})  # without the table, new sessions cannot be found
         failed |= _unknown_starts(self.owned.starts, [*rows, *failed])
         placed = with_starts(rows.values(), self.owned.starts)
-        left_out = {session: reason for session, reason in foreign.items() if session in rows}
+        late = self._too_late(placed, kept, earlier)
+        rows = {session: replace(each, late=session in late) for session, each in rows.items()}
+        left_out = late | {session: reason for session, reason in foreign.items() if session in rows}
         made_with = hashlib.sha256(repr(self.owned.cylinder(self.name)).encode()).hexdigest()
         left_out |= {
             session: "its log is gone, and its friction was computed with other dimensions; give the log again"
@@ -168,15 +179,27 @@ class CylinderRun:
         if earlier and earlier.line.state == state and there and not damaged:
             return Known(earlier.line, left_out, failed)
         found = assess(self.name, used, entries, plan, self.now)
-        line = line_of(found, placed, left_out, state, self.owned.about)
+        line = line_of(found, placed, left_out, state, self.owned.about, len(late))
         write_rows(draft / session_file(self.name), placed, rows, left_out, found.trends)
-        about = {"line": asdict(line), "dimensions": asdict(self.owned.dimensions), "left_out": left_out}
+        about: dict[str, Any] = {"line": asdict(line), "dimensions": asdict(self.owned.dimensions)}
+        about |= {"left_out": left_out, "late": [*late]}
         bases = {name: asdict(each)["baseline"] for name, each in found.trends.items()}
         about |= {"assessment": {**found.to_dict(), "trends": bases}}
         write_json(draft / state_file(self.name), about)
         write_text(draft / pane_file(self.name), health_pane(found, placed, entries, left_out, self.owned.about))
         news = self._news(earlier, kept, rows, left_out, line, found.model)
         return Known(line, left_out, failed, tuple(news), tuple(damaged))
+
+    def _too_late(
+        self, placed: Sequence[SessionRow], kept: Mapping[str, KeptRow], earlier: Earlier | None
+    ) -> dict[str, str]:
+        """State by session why it came too late; what the fleet file corrects is not too late."""
+        were_late = {*earlier.late} if earlier else set[str]()
+        stay = {name: each for name, each in kept.items() if not each.late and name not in were_late}
+        before = {name: each.placed or each.row.start for name, each in stay.items()}
+        newest = earlier.line.last_start if earlier else max(before.values(), default="")
+        new = [row for row in placed if not stated_start(row.session, self.owned.starts)]
+        return too_late(new, before, newest, self.owned.late)
 
     def not_assessed(self, draft: Path, error: Exception) -> Known:
         """Keep the assessment of the run before, if there is one, after an error in ``known``."""
@@ -237,7 +260,8 @@ class CylinderRun:
 
 def _unknown_starts(starts: Mapping[str, str], sessions: Sequence[str]) -> dict[str, str]:
     """Explain each key of ``starts`` that names no session."""
-    close = {each: get_close_matches(each, sessions, 1) for each in starts if each not in sessions}
+    unknown = [each for each in starts if not any(stated_start(session, {each: each}) for session in sessions)]
+    close = {each: get_close_matches(each, sessions, 1) for each in unknown}
     similar = {each: f"; is it {names[0]}?" if names else "" for each, names in close.items()}
     return {
         f"starts: {each}": f"no session has this name{it}; correct it in fleet.yaml" for each, it in similar.items()

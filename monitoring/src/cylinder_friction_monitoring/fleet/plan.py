@@ -1,5 +1,6 @@
 """A fleet as its owner describes it: the cylinders, and how a log names its cylinder."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,9 +8,11 @@ from pathlib import Path
 from typing import Literal
 
 from cylinder_friction import Cylinder
-from cylinder_friction_monitoring.trends.moments import utc_time
+from cylinder_friction_monitoring.trends.moments import corrected, utc_time
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan, LoadMode, MonitorPlan
 
+Late = float | Literal["accept"]
+"""By how many days a log may come late, or ``accept`` to take late logs as they are dated."""
 _NAME = re.compile(r"[^\W_][\w .+-]{0,79}")
 
 
@@ -53,15 +56,18 @@ class FleetCylinder:
     false_alarms_per_year: float = 0.02
     acknowledged_days: float = MonitorPlan.acknowledged_days
     services: tuple[ServiceDay, ...] = ()
-    starts: Mapping[str, str] = field(default_factory=dict)
+    starts: Mapping[str, str] = field(default_factory=dict)  # Session or pattern: its start, or days to add
+    late: Late = 3.0
     about: str = ""  # Shown on demand, such as the cylinder's place, or what a demonstration simulates
 
     def __post_init__(self) -> None:
         self.cylinder("this")  # refuse impossible dimensions
         self.monitor_plan()
         self.indicator_plan("none")
-        for session, time in self.starts.items():
-            utc_time(time, f"starts: {session}")
+        for session, stated in self.starts.items():
+            corrected("", stated, f"starts: {session}")
+        if self.late != "accept" and not (math.isfinite(self.late) and self.late >= 0.0):
+            raise ValueError(f"late: expected a number of days or accept, but got {self.late}")
 
     def indicator_plan(self, load: LoadMode) -> IndicatorPlan:
         """Return the settings of its indicators."""

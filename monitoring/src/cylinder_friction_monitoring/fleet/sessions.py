@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from cylinder_friction import Recording
 from cylinder_friction.estimation.results import friction_of, kept_recordings
 from cylinder_friction.files.whole_files import json_hash
 from cylinder_friction_monitoring.trends.assessment import IndicatorTrend
-from cylinder_friction_monitoring.trends.moments import utc_time
+from cylinder_friction_monitoring.trends.moments import corrected
 from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, Indicator, SessionRow
 
 MadeRow = Callable[[Sequence[Recording]], SessionRow]
@@ -30,6 +31,8 @@ class KeptRow:
     row: SessionRow  # The row, with the start that its log states
     key: str  # SHA-256 of its recordings, code and settings
     made_with: str  # SHA-256 of the dimensions
+    placed: str = ""  # Its start as a night placed it, by its log or the fleet file
+    late: bool = False  # Whether it came too late to be assessed
 
 
 def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:
@@ -61,12 +64,20 @@ def updated_rows(
 
 
 def with_starts(rows: Iterable[KeptRow], starts: Mapping[str, str]) -> list[SessionRow]:
-    """Sort rows by their start; ``starts`` corrects it for some sessions."""
-    given = {session: utc_time(start, f"starts: {session}") for session, start in starts.items()}
-    placed = {each.row.session: each.row for each in rows}
-    for session in given.keys() & placed.keys():
-        placed[session] = replace(placed[session], start=given[session], start_source="fleet.yaml")
-    return sorted(placed.values(), key=lambda row: (row.start, row.session))
+    """Sort rows by their start; ``starts`` corrects it for sessions and patterns of sessions."""
+    placed = list[SessionRow]()
+    for each in rows:
+        row = each.row
+        if stated := stated_start(row.session, starts):
+            start = corrected(row.start, stated, f"starts: {row.session}")
+            row = replace(row, start=start, start_source="fleet.yaml")
+        placed.append(row)
+    return sorted(placed, key=lambda row: (row.start, row.session))
+
+
+def stated_start(session: str, starts: Mapping[str, str]) -> str:
+    """Look up what the fleet file states of a session's start; the first name or pattern that fits counts."""
+    return next((stated for name, stated in starts.items() if name == session or fnmatchcase(session, name)), "")
 
 
 def write_rows(
@@ -91,7 +102,7 @@ def write_rows(
             of_trend = tested.get(name, {}).get(row.session, (None,) * len(TESTED))
             values |= {name: indicator.value, f"{name}_uncertainty": indicator.uncertainty}
             values |= {f"{name}_{part}": value for part, value in zip(TESTED, of_trend, strict=True)}
-        detail = {"row": own.row.to_dict(), "key": own.key, "made_with": own.made_with}
+        detail = {**vars(own), "row": own.row.to_dict(), "placed": row.start}
         values[_DETAIL] = json.dumps(detail, sort_keys=True, allow_nan=False)
         for name, value in values.items():
             columns[name].append(value)
@@ -104,7 +115,7 @@ def write_rows(
 def read_rows(path: Path) -> dict[str, KeptRow]:
     """Read the sessions that the run before kept for a cylinder, by name."""
     kept = [json.loads(text) for text in pq.read_table(path, columns=[_DETAIL], use_threads=False)[0].to_pylist()]
-    rows = [KeptRow(SessionRow.from_dict(each["row"]), each["key"], each["made_with"]) for each in kept]
+    rows = [KeptRow(**each | {"row": SessionRow.from_dict(each["row"])}) for each in kept]
     return {each.row.session: each for each in rows}
 
 

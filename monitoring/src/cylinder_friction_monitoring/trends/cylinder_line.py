@@ -50,16 +50,24 @@ class CylinderLine:
 
 
 def line_of(
-    assessment: Assessment, rows: Sequence[SessionRow], left_out: Mapping[str, str], state: str, about: str = ""
+    assessment: Assessment,
+    rows: Sequence[SessionRow],
+    left_out: Mapping[str, str],
+    state: str,
+    about: str = "",
+    late: int = 0,
 ) -> CylinderLine:
-    """Summarize a cylinder; ``rows`` are all its sessions in the order of time."""
+    """Summarize a cylinder; ``rows`` are all its sessions in the order of time, of which ``late`` came too late."""
     used = [row for row in rows if row.session not in left_out]
     last = used[-1] if used else None
     starts = {row.session: row.start for row in rows}
     looks = []
-    late = [row for row in rows[-3:] if row.session in left_out]
-    if len(late) == min(len(rows), 3) and late:
-        looks.append(f"its last {len(late)} sessions are not assessed" if late[1:] else "its session is not assessed")
+    last_out = [row for row in rows[-3:] if row.session in left_out]
+    if len(last_out) == min(len(rows), 3) and last_out:
+        count = f"last {len(last_out)} sessions are" if last_out[1:] else "session is"
+        looks.append(f"its {count} not assessed")
+    if late:
+        looks.append(f"sessions that came too late to be assessed: {late}")
     if assessment.model and assessment.model.lost:
         looks.append(assessment.model.words.rstrip("."))
     rank = ACKNOWLEDGED if assessment.acknowledged else RANKS[assessment.answer]

@@ -1,6 +1,9 @@
 """Times of sessions and entries; a time without a zone is UTC."""
 
-from datetime import UTC, datetime
+import re
+from datetime import UTC, datetime, timedelta
+
+_DAYS = re.compile(r"([+-]\d{1,5}) d")
 
 
 def moment(text: str) -> datetime:
@@ -15,3 +18,10 @@ def utc_time(text: str, where: str) -> str:
         return moment(text).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     except ValueError:
         raise ValueError(f"{where}: got {text!r}, expected a time such as 2026-03-01 or 2026-03-01T14:30Z") from None
+
+
+def corrected(start: str, stated: str, where: str) -> str:
+    """Correct a start by what the fleet file states: a time, or days to add such as ``+365 d``."""
+    if days := _DAYS.fullmatch(stated):
+        return start and utc_time((moment(start) + timedelta(days=int(days[1]))).isoformat(), where)
+    return utc_time(stated, where)
