@@ -6,8 +6,10 @@ export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
 
+PROJECTS := live monitoring benchmark
+
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live test-live monitor test-monitoring
+.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live test-live monitor test-monitoring lint-product $(PROJECTS:%=lint-%)
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -29,9 +31,11 @@ $(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
 $(BIN)/cylinder-friction:
 	$(MAKE) install
 
-$(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet -r requirements-dev.lock
-	@touch $@
+$(VENV)/.installed-dev: requirements-dev.lock $(PROJECTS:%=%/pyproject.toml) $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --no-deps -r requirements-dev.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation \
+		$(PROJECTS:%=--editable %) # the lock has the build's hatchling
+	@touch $@ $(PROJECTS:%=$(VENV)/.installed-%)
 
 reproduce: install ## run the whole pipeline, then print the result and what to do next
 	cylinder-friction check
@@ -54,34 +58,37 @@ lane-%:
 benchmark: install ## run the comparison of the literature, then print where its page is
 	@$(MAKE) --no-print-directory -C benchmark run VENV=$(abspath $(VENV))
 
-test-benchmark: install-dev ## check and test the comparison of the literature: about two minutes on two cores
+test-benchmark: lint-benchmark ## check and test the comparison of the literature: about two minutes on two cores
 	@$(MAKE) --no-print-directory -C benchmark test VENV=$(abspath $(VENV))
 
 monitor: install ## a night over a simulated fleet, or over yours: ARGS="LOGS --fleet fleet.yaml --into health"
 	@$(MAKE) --no-print-directory -C monitoring install VENV=$(abspath $(VENV))
 	cylinder-friction monitor $(or $(ARGS),--demo build/fleet); status=$$?; test $$status -eq 3 || exit $$status # 3: an alarm
 
-test-monitoring: install-dev ## check and test monitoring: about three minutes on two cores
+test-monitoring: lint-monitoring ## check and test monitoring: about three minutes on two cores
 	@$(MAKE) --no-print-directory -C monitoring test VENV=$(abspath $(VENV))
 
 test: install-dev ## run the tests that a change must pass: about seven minutes on two cores
 	pytest -n 2 -m "not extended"
 
-test-all: test ## run those and then the extended ones: kills, hangs, clusters, browsers, further pipelines
-	pytest -n 2 -m extended
+test-all: install-dev ## run those and the extended ones: kills, hangs, clusters, browsers, further pipelines
+	pytest -n 2
 
-lint: install-dev ## check style, types and imports
+lint: lint-product lint-live lint-monitoring ## check style, types and imports
+
+lint-product: install-dev
 	ruff format --check src tests performance docs tools examples
 	ruff check src tests performance docs tools examples
 	mypy
-	mypy --platform win32 --cache-dir .mypy_cache/win32 src
-	mypy --platform darwin --cache-dir .mypy_cache/darwin src
+	mypy --config-file tools/other_platforms.ini --platform win32 --cache-dir .mypy_cache/win32
+	mypy --config-file tools/other_platforms.ini --platform darwin --cache-dir .mypy_cache/darwin
 	lint-imports
 	python tools/import_cycles.py
 	python tools/architecture.py
 	python tools/mutants.py --look
-	@$(MAKE) --no-print-directory -C live lint VENV=$(abspath $(VENV))
-	@$(MAKE) --no-print-directory -C monitoring lint VENV=$(abspath $(VENV))
+
+$(PROJECTS:%=lint-%): lint-%: install-dev
+	@$(MAKE) --no-print-directory -C $* lint VENV=$(abspath $(VENV))
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples
@@ -99,7 +106,7 @@ serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
 live: install ## friction of the rig's recordings as if they happened now, on a web page
 	@$(MAKE) --no-print-directory -C live run VENV=$(abspath $(VENV)) ARGS="$(ARGS)"
 
-test-live: install-dev ## check and test the live service: about five minutes on two cores
+test-live: lint-live ## check and test the live service: about five minutes on two cores
 	@$(MAKE) --no-print-directory -C live test VENV=$(abspath $(VENV))
 
 track: | $(BIN)/cylinder-friction ## log every finished stage to MLflow, without duplicates
