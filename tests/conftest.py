@@ -23,7 +23,6 @@ from cylinder_friction.run_record import Dataset, RunRecord
 
 pytest_plugins = ("browser", "made_recordings", "small_hybrid")
 PIPELINE = "tests/pipeline/"
-LONGEST = (PIPELINE, "tests/test_wheel.py")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -33,7 +32,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes longest: given out last, it would keep one worker busy long after the others."""
-    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+    items.sort(key=lambda item: not item.nodeid.startswith(PIPELINE))
 
 
 @pytest.hookimpl(optionalhook=True)

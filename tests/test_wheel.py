@@ -1,5 +1,7 @@
 """The wheel by itself: built, installed outside the repository, and a project's pipeline run on it to the end."""
 
+import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -37,7 +39,23 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (packages,) = folder.glob("lib/python*/site-packages")
     (packages / "borrowed.pth").write_text(f"{sysconfig.get_paths()['purelib']}\n", encoding="utf-8")
     run(folder, sys.executable, "-m", "pip", "--python", str(folder), "install", "-q", "--no-deps", str(wheel))
+    take_over_machine_code(packages)
     return folder
+
+
+def take_over_machine_code(packages: Path) -> None:
+    """Copy what Numba compiled in the checkout, so that the installed package does not compile equal files again.
+
+    Numba recognises a file by its time and its size.
+    """
+    source = PROJECT / "src"
+    for module in source.rglob("*.py"):
+        changed_ns = module.stat().st_mtime_ns
+        os.utime(packages / module.relative_to(source), ns=(changed_ns, changed_ns))
+    for compiled in source.rglob("__pycache__/*.nb[ci]"):
+        target = packages / compiled.relative_to(source)
+        target.parent.mkdir(exist_ok=True)
+        shutil.copy2(compiled, target)
 
 
 @pytest.fixture(scope="module")
