@@ -53,6 +53,7 @@ pressure = {
         "unit": "bar",
         "accuracy_percent": 0.05,
         "zero_uncertainty": 0.03,
+        "zeroed": "each session",
     },
 }
 channels = {
