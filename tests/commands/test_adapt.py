@@ -6,16 +6,21 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
+import cylinder_friction as cf
 from cylinder_friction.commands.cli import main
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.deployment.c_export.compiled import CompiledEstimator, CompiledStream
+from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.estimators import hybrid
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
+from cylinder_friction.realtime.stream import CompiledRun
 from cylinder_friction.recordings.recording import Recording
 from inspected_recordings import made_strokes
 from logger_files import CHANNELS, STATED, write_log
@@ -63,6 +68,37 @@ def test_the_model_is_taken_for_the_new_cylinder_and_refused_for_the_old_one(
     content = json.loads(capsys.readouterr().out)
     assert content["recordings"] == ["0", "1"]
     assert content["source"] == str(tmp_path / "source")
+
+
+def test_what_it_exports_takes_the_readings_of_the_sensors(
+    given: list[str],
+    tmp_path: Path,
+    cylinder: Cylinder,
+    labelled_recordings: list[Recording],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    signed = {"position_m": {"sign": -1, "offset": 250.0}, "pressure_1_pa": {"offset": 1.3}}
+    mapping = {name: own | signed.get(name, {}) for name, own in CHANNELS.items()}
+    for number, recording in enumerate(labelled_recordings[:2]):
+        moved = recording.with_columns(position_m=0.25 - recording.column("position_m"))
+        write_log(tmp_path / f"logs/{number}.csv", moved, zero_bar=1.3)
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump({"channels": mapping}), encoding="utf-8")
+    assert main(given) == 0
+    applied = "pressure_1_pa = reading - 1.3 bar, position_m = -(reading - 0.25 m)"
+    assert f"the step makes {applied}" in capsys.readouterr().out
+    model = load_estimator(tmp_path / "adapted")
+    (recording,) = cf.read_recordings(tmp_path / "logs/1.csv", tmp_path / "mapping.yaml", cylinder)
+    np.testing.assert_allclose(recording.samples(), labelled_recordings[1].samples(), rtol=1e-9, atol=1e-3)
+    log = pd.read_csv(tmp_path / "logs/1.csv")
+    readings = log[["p1", "p2", "x"]].to_numpy() * [1e5, 1e5, 1e-3]
+    exported = export_c(model, tmp_path / "c")
+    assert applied in exported.header.read_text(encoding="utf-8")
+    newtons, flags = CompiledStream(CompiledEstimator(exported)).run(readings)
+    step = CompiledRun(model.step_model().for_recordings())
+    expected, expected_flags = step.run(recording.samples())
+    np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=1e-3)
+    np.testing.assert_array_equal(flags, expected_flags)
+    np.testing.assert_allclose(model.estimate(recording), expected[:, 0], rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.extended

@@ -15,9 +15,11 @@ import pytest
 
 from cylinder_friction.deployment.c_export.export import generate_c
 from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import SavedModelError, write_description
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.channel_correction import ChannelCorrection
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 
 @pytest.fixture
@@ -52,6 +54,20 @@ def test_a_model_that_was_saved_without_hashes_is_loaded(saved: Path, small_hybr
     del content["files"], content["sha256"]
     (saved / "estimator.json").write_text(json.dumps(content))
     assert load_estimator(saved).guard == small_hybrid.guard
+
+
+def test_a_model_of_an_earlier_version_is_refused(saved: Path) -> None:
+    with_new_hashes(saved, lambda content: content.pop("corrections"))
+    with pytest.raises(SavedModelError, match=r"saved by an earlier version.*; train or adapt the model anew$"):
+        load_estimator(saved)
+
+
+def test_recordings_of_different_offsets_do_not_train_one_model(labelled_recordings: list[Recording]) -> None:
+    read = {"pressure_1_pa": ChannelCorrection(offset=1.3e5)}
+    pair = [labelled_recordings[0].described(corrections=read), labelled_recordings[1]]
+    with pytest.raises(RecordingError, match=r"pressure_1_pa = reading and pressure_1_pa = reading - 1\.3 bar"):
+        RidgeEstimator().fit(pair)
+    assert RidgeEstimator().fit(pair[:1]).corrections == read
 
 
 @pytest.mark.parametrize("name", ["estimator.json", "network.onnx", "forest.onnx"])

@@ -53,7 +53,7 @@ class Replay:
                 if client.next_index:  # of the recording before, or of a replay before a restart
                     client.skip(round(PAUSE_S / sample_time_s))
                     client.start_time_s -= PAUSE_S
-                samples = recording.samples(inputs)
+                samples = recording.readings(inputs)
                 for first in range(0, len(samples), rows):
                     if stop.is_set():
                         return

@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> None:
         return
     low_pass = "" if result["low_pass_n"] is None else f"; a tuned low-pass: {result['low_pass_n']:.1f} N"
     lines = [f"source   {name}", f"for      {result['trained_for']}{low_pass}", f"bounds   {result['bounds']}"]
-    lines += [f"{name:<8} {result[name]}" for name in ("offset", "loss") if result[name]]
+    lines += [f"{name:<8} {result[name]}" for name in ("offset", "loss", "readings") if result[name]]
     print("\n".join([*(f"note     {note}" for note in notes), *lines, f"model    {options.output}"]))
 
 
@@ -83,6 +83,7 @@ def _adapt_to_logs(
             low_pass_n = mean_absolute_error_n(low_pass.fit(labelled), labelled)
         assert adapted.trained_for is not None
         assert adapted.bounds is not None
+        applied = adapted.step_model().applied()
         result = {
             "source": name,
             "trained_for": adapted.trained_for.in_words(),
@@ -91,6 +92,7 @@ def _adapt_to_logs(
             + ("none" if adapted.offset is None else "that of a new session while it runs"),
             "loss": "" if loss is None else loss.sentence(cylinder),
             "low_pass_n": low_pass_n,  # Error of a low-pass tuned on the same recordings, against the label [N]
+            "readings": applied and f"in real time and in exports are the sensors' own: the step makes {applied}",
             "recordings": [each.name for each in labelled],
         }
         write_json(folder / SUMMARY_FILE, result)

@@ -51,5 +51,6 @@ def model_metadata(model: StepModel) -> dict[str, Any]:
         "inputs": {each.column: each.meaning for each in described_inputs(model.inputs)} | optional,
         "sample_time_s": float(model.sample_time_s),
         "bounds": model.bounds.in_words(),
+        **({"corrections": applied} if (applied := model.applied()) else {}),
         **({} if model.trained_for is None else {"trained_for": model.trained_for.in_words()}),
     }

@@ -12,7 +12,7 @@ ROWS, PERIOD_ROWS = 800, 400
 
 def golden_content(model: StepModel) -> dict[str, Any]:
     """Make samples that sweep the training range, and the outputs of the compiled step for them, for JSON."""
-    lower, upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
+    lower, upper = model.trained_readings
     phases = 2.0 * np.pi * np.arange(ROWS)[:, None] / PERIOD_ROWS + np.arange(len(model.inputs))
     samples = 0.5 * (lower + upper) + 0.3 * (upper - lower) * np.sin(phases)
     newtons, flags = RealTimeStream(model).run(samples)

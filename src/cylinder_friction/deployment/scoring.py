@@ -50,14 +50,14 @@ class ServedModel:
         inputs: Columns of a sample, in order.
         outputs: Names of the numbers for each row: newtons, then the learned offset of the sensors.
         memory: Rows after a sample outside the training range that count as outside too.
-        lower, upper: Training range of each input, widened by 5 %.
+        lower, upper: Training range of each input's readings, widened by 5 %.
     """
 
     def __init__(self, model: StepModel) -> None:
         self.model, self.inputs = model, model.inputs
         self.outputs = NEWTONS if model.offset is None else (*NEWTONS, *OFFSET)
         self.memory = max(1, round(MEMORY_S / model.sample_time_s))
-        self.lower, self.upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
+        self.lower, self.upper = model.trained_readings
         self._step, self._one_at_a_time = CompiledRun(model), threading.Lock()
 
     def run(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -98,9 +98,10 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
 
     Args:
         served: The model in service.
-        columns: Raw samples at the model's sample time, ``served.inputs``, each of shape ``(n,)``. With ``recording``,
-            names, each name is a sequence of its own, whose rows follow each other; without it all rows are one. With
-            ``time_s`` [s], the rows' times, they are checked; nothing else uses them. Other columns are ignored.
+        columns: Readings of the sensors at the model's sample time, ``served.inputs``, each of shape ``(n,)``. With
+            ``recording``, names, each name is a sequence of its own, whose rows follow each other; without it all rows
+            are one. With ``time_s`` [s], the rows' times, they are checked; nothing else uses them. Other columns are
+            ignored.
 
     Returns:
         ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds

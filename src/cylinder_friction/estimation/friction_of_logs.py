@@ -222,7 +222,8 @@ def estimated(labelled: Recording, estimator: FrictionEstimator) -> Recording:
     """
     from cylinder_friction.realtime.stream import CompiledRun  # Numba: labels need no estimator
 
-    newtons, flags = CompiledRun(estimator.step_model()).run(labelled.samples(estimator.inputs))
+    step = estimator.step_model().for_recordings()
+    newtons, flags = CompiledRun(step).run(labelled.samples(estimator.inputs))
     known_n = np.where((flags & Flag.NOT_READY == 0)[:, None], newtons, np.nan)
     own = dict(zip(("friction_n", "lower_n", "upper_n"), estimator.aligned(known_n).T, strict=True))
     usable = labelled.usable() & np.isfinite(own["friction_n"])

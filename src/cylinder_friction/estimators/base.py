@@ -39,6 +39,7 @@ from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
 from cylinder_friction.realtime.trained_for import TrainedFor, pressure_noise_pa
 from cylinder_friction.realtime.unmodelled_force import with_force_limits
+from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
 
@@ -54,10 +55,12 @@ class NotFittedError(RuntimeError):
 class FrictionEstimator(ABC):
     """Estimates friction from raw samples, without looking ahead.
 
-    Input is the raw sample as the sensor gave it, in SI units: pressure 1 (piston side) [Pa, gauge], pressure 2
-    (rod side) [Pa, gauge], position [m, extension positive]; an estimator for a rig with other sensors names them in
-    ``inputs``. Filtering, differentiation and scaling happen inside, with state, so that training and serving cannot
-    differ. Output is friction [N], positive when it opposes positive velocity.
+    Input is the raw sample in SI units: pressure 1 (piston side) [Pa, gauge], pressure 2 (rod side) [Pa, gauge],
+    position [m, extension positive]; an estimator for a rig with other sensors names them in ``inputs``. ``estimate``
+    and ``stream`` take a recording's columns, to which ingest has applied the mapping's signs and offsets.
+    ``real_time`` and every export take readings as the sensors give them, and apply ``corrections`` first. Filtering,
+    differentiation and scaling happen inside, with state, so that training and serving cannot differ. Output is
+    friction [N], positive when it opposes positive velocity.
 
     A subclass sets ``kind`` and gives ``fit``, ``multiply_adds``, ``_write`` and ``_read``. It also gives
     ``step_model``, and can then run in real time and be exported to other runtimes, or ``new_state`` and ``advance``,
@@ -79,6 +82,8 @@ class FrictionEstimator(ABC):
             None: no offset is learned. Training sees samples without their identified zeros.
         position_load: The load as a function of position, subtracted as if a load cell had measured it; None: a load
             is among the inputs, or there is none. Set before ``fit``.
+        corrections: Sign and offset that the mapping of the training recordings states for an input; inputs with
+            neither are left out.
 
     Example:
         >>> hybrid.inputs, hybrid.sample_time_s
@@ -110,6 +115,7 @@ class FrictionEstimator(ABC):
         self.trained_for: TrainedFor | None = None
         self.offset: OffsetTracker | None = None
         self.position_load: PositionLoad | None = None
+        self.corrections: dict[str, ChannelCorrection] = {}
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -253,7 +259,7 @@ class FrictionEstimator(ABC):
         return np.column_stack([samples, self.position_load.at(samples[:, places])])
 
     def stream(self) -> EstimatorStream | StrictStream:
-        """Start a stream from a fresh state; streams of one estimator are independent."""
+        """Start a stream over a recording's samples from a fresh state; streams of one estimator are independent."""
         self._refuse_unfitted()
         if self.offset is not None or type(self).advance is FrictionEstimator.advance:
             return StrictStream(self.step_model())
@@ -269,6 +275,8 @@ class FrictionEstimator(ABC):
     def step_model(self) -> StepModel:
         """Describe one real-time step; every runtime (Python, C, FMU, served model) is made from this description.
 
+        It takes readings as the sensors give them; ``step_model().for_recordings()`` takes a recording's columns.
+
         Raises:
             NotFittedError: The estimator is neither fitted nor loaded.
             ValueError: This kind of estimator has no such step.
@@ -276,7 +284,7 @@ class FrictionEstimator(ABC):
         raise ValueError(f"{self.kind}: has no real-time step; expected a hybrid, forest, force balance or ridge")
 
     def real_time(self) -> RealTimeStream:
-        """Start a guarded stream, which accepts any sensor values and flags bad ones; see ``RealTimeStream``."""
+        """Start a guarded stream of sensor readings, which flags bad ones; see ``RealTimeStream``."""
         return RealTimeStream(self.step_model())
 
     def calibrate(
@@ -343,6 +351,7 @@ class FrictionEstimator(ABC):
                 **({"bounds_by_noise": list(map(asdict, self.bounds_by_noise))} if self.bounds_by_noise else {}),
                 "offset": None if self.offset is None else self.offset.to_dict(),
                 "position_load": None if self.position_load is None else self.position_load.to_dict(),
+                "corrections": {column: asdict(each) for column, each in self.corrections.items()},
                 "multiply_adds_a_step": self.multiply_adds(),
                 "parameters": parameters,
             },
@@ -384,6 +393,11 @@ class FrictionEstimator(ABC):
 
     @classmethod
     def _from_description(cls, folder: Path, description: dict[str, Any]) -> FrictionEstimator:
+        if "corrections" not in description:
+            raise SavedModelError(
+                f"{folder / DESCRIPTION_FILE}: was saved by an earlier version, which did not state what its step "
+                "subtracts from the sensors' readings; train or adapt the model anew"
+            )
         known, kind = FrictionEstimator._kinds, description["kind"]
         if kind not in known and kind in own_kinds():
             own_class(own_kinds()[kind])  # importing it makes it known
@@ -411,6 +425,8 @@ class FrictionEstimator(ABC):
         estimator.offset = None if tracker is None else OffsetTracker.from_dict(tracker)
         load = description.get("position_load")
         estimator.position_load = None if load is None else PositionLoad.from_dict(load)
+        stated = description["corrections"]
+        estimator.corrections = {column: ChannelCorrection(**stated[column]) for column in stated}
         return estimator
 
     def _checked_step(self) -> StepModel:
@@ -434,7 +450,20 @@ class FrictionEstimator(ABC):
             )
         self.sample_time_s = sample_times[0]
         self.training_range = TrainingRange.of(recordings, self.inputs)
+        self.corrections = self._common_corrections(recordings)
         return [self._training_recording(recording) for recording in recordings]
+
+    def _common_corrections(self, recordings: Sequence[Recording]) -> dict[str, ChannelCorrection]:
+        first, *others = (each.metadata.corrections for each in recordings)
+        for column in self.inputs:
+            own = {each.get(column, ChannelCorrection()) for each in (first, *others)}
+            if len(own) > 1:
+                found = " and ".join(sorted(each.formula(column) for each in own))
+                raise RecordingError(
+                    f"{self.kind}: the recordings' mappings disagree: {found}; expected one sign and offset per "
+                    "channel, because a real-time step applies them; train on recordings of one mapping"
+                )
+        return {column: first[column] for column in self.inputs if column in first}
 
     def _training_recording(self, recording: Recording) -> Recording:
         """Prepare a recording for training: subtract its zeros, add the load that position decides."""
@@ -455,6 +484,7 @@ class FrictionEstimator(ABC):
             other.position_load,
             other.lag_s,
         )
+        self.corrections = other.corrections
 
     def _step_model(self, **fields: Any) -> StepModel:
         """Build a step model from these fields; the others default to no features, network and forest.
@@ -489,6 +519,7 @@ class FrictionEstimator(ABC):
             position_load=self.position_load,
             lag_s=self.lag_samples * self.sample_time_s,
             trained_for=self.trained_for,
+            corrections=self.corrections,
         )
 
     def _learned_offset(self, recording: Recording) -> LearnedOffset:

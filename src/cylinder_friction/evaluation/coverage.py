@@ -9,6 +9,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.realtime.stream import CompiledRun
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import near_events
@@ -53,9 +54,10 @@ def coverage(
     """
     if estimator.bounds is None:
         return []
+    step = estimator.step_model().for_recordings()
     rows: dict[str, list[_CoverageRows]] = {"label": [], "truth": []}
     for recording in recordings:
-        stepped, _ = estimator.real_time().run(recording.samples(estimator.inputs))
+        stepped, _ = CompiledRun(step).run(recording.samples(estimator.inputs))
         lower_n, upper_n = estimator.aligned(stepped)[:, 1:].T
         usable = recording.usable()
         if not usable.any():

@@ -10,6 +10,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.evaluation.metrics import errors
+from cylinder_friction.realtime.stream import CompiledRun
 from cylinder_friction.recordings.recording import Recording
 
 
@@ -38,7 +39,7 @@ def starts(estimator: FrictionEstimator, recordings: Sequence[Recording], truth_
     reference = "truth" if all(recording.name in truth_n for recording in recordings) else "label"
     found: dict[str, list[tuple[Array, Array, Array]]] = {}
     learned: dict[str, tuple[float, float]] = {}
-    stream = estimator.real_time()
+    stream = CompiledRun(estimator.step_model().for_recordings())
     for recording in sorted(recordings, key=lambda each: each.name):
         session, usable = recording.metadata.session, recording.usable()
         known_n = truth_n[recording.name] if reference == "truth" else recording.column("friction_n")

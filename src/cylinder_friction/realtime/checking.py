@@ -37,6 +37,8 @@ def check_step_model(model: StepModel) -> None:
     _numbers("velocity_taps", model.velocity_taps, (channels, ANY))
     _numbers("target_mean_n", model.target_mean_n, ())
     _numbers("target_scale_n", model.target_scale_n, ())
+    for name, own in model.corrections.items():
+        _numbers(f"corrections.{name}", own.offset, ())
     _check_guard(model, channels)
     _check_bounds(model)
     if model.history is not None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
+
+import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.realtime.trained_for import TrainedFor
+from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
@@ -105,6 +109,10 @@ class StepModel:
     ``FrictionEstimator.step_model`` makes it. Pass it to ``RealTimeStream``, to ``export_c`` or ``export_fmu``, or to a
     runtime of your own; all give the same numbers. Forces are in newtons, friction is positive when it opposes
     velocity.
+
+    A step takes readings as the sensors give them, in SI units, pressures gauge. It applies ``corrections`` first;
+    guard, filters and everything after them see corrected samples. A recording's columns are corrected already: give
+    them to ``for_recordings()``, or give ``Recording.readings`` to this one.
     """
 
     sample_time_s: float  # Sample time [s]; an LSTM is valid at this one only
@@ -134,6 +142,29 @@ class StepModel:
     position_load: PositionLoad | None = None
     lag_s: float = 0.0  # Delay of a step's friction and bounds behind its sample [s]
     trained_for: TrainedFor | None = None  # The cylinder, noise and friction it fits; None: not known
+    # Sign and offset of the inputs that have either, which the step applies to each sample first
+    corrections: Mapping[str, ChannelCorrection] = field(default_factory=dict)
+
+    def for_recordings(self) -> Self:
+        """Copy the model without its corrections, for samples of recordings, which ingest has corrected."""
+        return replace(self, corrections={})
+
+    def applied(self) -> str:
+        """State what the step makes of the sensors' readings first, in formulas; empty if it takes them as they are."""
+        return ", ".join(self.corrections[name].formula(name) for name in self.inputs if name in self.corrections)
+
+    @property
+    def input_corrections(self) -> tuple[ChannelCorrection, ...]:
+        """The correction of each input, in their order."""
+        return tuple(self.corrections.get(name, ChannelCorrection()) for name in self.inputs)
+
+    @property
+    def trained_readings(self) -> tuple[Array, Array]:
+        """Lower and upper end of the readings that are no extrapolation, one number per input."""
+        ends = np.array([self.guard.trained_lower, self.guard.trained_upper])
+        readings = [own.readings(values) for own, values in zip(self.input_corrections, ends.T, strict=True)]
+        lower, upper = np.sort(np.stack(readings, axis=1), axis=0)
+        return lower, upper
 
     @cached_property
     def channels(self) -> tuple[str, ...]:

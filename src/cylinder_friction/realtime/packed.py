@@ -32,8 +32,11 @@ LEFT, RIGHT, SPLIT = np.arange(1, 4, dtype=np.uint32)  # Places in a node of ``T
 
 
 class Inputs(NamedTuple):
-    """Limits of valid samples; arrays have one number per input."""
+    """Corrections and limits of valid samples; arrays have one number per input."""
 
+    # A sample's value is ``sign * (reading - zero)``
+    sign: Array
+    zero: Array
     # Limits of a working sensor's readings
     accept_lower: Array
     accept_upper: Array
@@ -160,6 +163,8 @@ def packed_model(model: StepModel) -> Model:
     return Model(
         taps=_doubles(taps),
         inputs=Inputs(
+            sign=_doubles([each.sign for each in model.input_corrections]),
+            zero=_doubles([each.offset for each in model.input_corrections]),
             accept_lower=_doubles(guard.accept_lower),
             accept_upper=_doubles(guard.accept_upper),
             trained_lower=_doubles(guard.trained_lower),

@@ -1,8 +1,8 @@
 """The compiled step, the reference of every runtime: one function of constant time, without allocation.
 
-A step, in this order: guard, filters, history, network, forest, bounds. Filters, scaling and sums run in double
-precision, LSTM and forest in single. Every sum adds in the order in which the estimator's own ``advance`` does, so the
-two agree bit for bit on valid samples.
+A step, in this order: sign and offset of the sensors, guard, filters, history, network, forest, bounds. Filters,
+scaling and sums run in double precision, LSTM and forest in single. Every sum adds in the order in which the
+estimator's own ``advance`` does, so the two agree bit for bit on valid samples.
 """
 
 from functools import partial
@@ -132,10 +132,10 @@ def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newton
 
 @_part
 def _check(inputs: Inputs, state: State, sample: Array) -> int:
-    """Store the sample, with the last valid value in place of an invalid one; return the flags of invalid values."""
+    """Correct and store the sample; hold the last valid value of an invalid one, and return its flags."""
     flags = 0
     for channel in range(sample.shape[0]):
-        value = sample[channel]
+        value = inputs.sign[channel] * (sample[channel] - inputs.zero[channel])
         valid = isfinite(value) and inputs.accept_lower[channel] <= value and value <= inputs.accept_upper[channel]
         state.invalid[channel] = not valid
         state.now[channel] = value if valid else state.held[channel]

@@ -138,7 +138,9 @@ class RealTimeStream(_CompiledStep):
     """A guarded running estimate for a control loop: it accepts any reading, and flags how far to trust the estimate.
 
     An input that is not finite, or that no working sensor would give, is held at its last valid value and flagged; it
-    never reaches the state. Streams are independent, but each is for one thread.
+    never reaches the state. A sample holds readings as the sensors give them: the step applies the signs and offsets
+    that the mapping of training stated. To run a recording, give its ``readings``. Streams are independent, but each is
+    for one thread.
 
     Args:
         model: From an estimator's ``step_model``.
@@ -174,7 +176,8 @@ class RealTimeStream(_CompiledStep):
 class StrictStream(_CompiledStep):
     """An estimator's ``stream()`` on the compiled step: equal to ``estimate`` bit for bit; refuses NaN and infinity.
 
-    Use it to replay recordings sample by sample. In a machine a sensor may fail: use ``RealTimeStream`` there. ``step``
+    Use it to replay recordings sample by sample: it takes their columns, which are corrected. In a machine a sensor may
+    fail and its readings are not corrected: use ``RealTimeStream`` there. ``step``
     raises ``RecordingError`` for a value that is not finite, and ``TypeError`` for a wrong number of values.
 
     Example:
@@ -186,7 +189,8 @@ class StrictStream(_CompiledStep):
     def __init__(self, model: StepModel) -> None:
         largest = (float_info.max,) * len(model.inputs)
         smallest = tuple(-value for value in largest)
-        super().__init__(replace(model, guard=replace(model.guard, accept_lower=smallest, accept_upper=largest)))
+        guard = replace(model.guard, accept_lower=smallest, accept_upper=largest)
+        super().__init__(replace(model.for_recordings(), guard=guard))
 
     def step(self, *sample: float) -> float:
         """Return friction [N] at this sample; see ``EstimatorStream.step``."""

@@ -27,7 +27,12 @@ from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.logs import Logs, Recipe
-from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, sensor_uncertainty, wanted_channels
+from cylinder_friction.recordings.mapping.channel_mapping import (
+    channel_corrections,
+    sensor_limits,
+    sensor_uncertainty,
+    wanted_channels,
+)
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.recording import (
     Columns,
@@ -152,6 +157,7 @@ def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe:
         source_sha256=digest,
         asset=named.asset or recipe.asset,
         sensors={column: sensor.identity for column, sensor in sensors.items() if sensor.identity},
+        corrections=channel_corrections(recipe.channels),
         line_loss={
             name: replace(loss, area_m2=areas_m2[name]) for name, own in sensors.items() if (loss := own.line_loss)
         },

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     POSITION,
@@ -107,6 +108,8 @@ class RecordingMetadata:
     zero_offset: Mapping[str, float] = field(default_factory=dict)
     # Uncertainty of the sensor behind a column, if it is stated
     uncertainty: Mapping[str, SensorUncertainty] = field(default_factory=dict)
+    # Sign and offset that the mapping states for a column and ingest has applied, if there is either
+    corrections: Mapping[str, ChannelCorrection] = field(default_factory=dict)
     # Stated pressure loss in the line between a sensor and its chamber, by column; friction does not include it
     line_loss: Mapping[str, LineLoss] = field(default_factory=dict)
     # Identified zero of the sensor behind a column, which is not yet subtracted from the column
@@ -123,13 +126,15 @@ class RecordingMetadata:
         known = {column: SensorUncertainty(**entry) for column, entry in values.get("uncertainty", {}).items()}
         zeros = {column: IdentifiedZero(**entry) for column, entry in values.get("identified_zero", {}).items()}
         lines = {column: LineLoss(**entry) for column, entry in values.get("line_loss", {}).items()}
-        repairs = tuple(values.get("repairs", ()))
-        return cls(**values | {"uncertainty": known, "identified_zero": zeros, "line_loss": lines, "repairs": repairs})
+        read = {column: ChannelCorrection(**entry) for column, entry in values.get("corrections", {}).items()}
+        made: dict[str, Any] = {"uncertainty": known, "identified_zero": zeros, "line_loss": lines, "corrections": read}
+        return cls(**values | made | {"repairs": tuple(values.get("repairs", ()))})
 
     def to_dict(self) -> dict[str, Any]:
-        return {name: value for name, value in asdict(self).items() if value or name != "line_loss"}
+        return {name: value for name, value in asdict(self).items() if value or name not in _OPTIONAL}
 
 
+_OPTIONAL = ("line_loss", "corrections")  # Fields that are not stored if they are empty
 UNNAMED = RecordingMetadata("", "", "", 0.0)  # Metadata of columns that do not belong to a file yet
 
 
@@ -219,6 +224,18 @@ class Recording:
     def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> Array:
         """Return the input of an estimator, shape ``(n, k)``: by default the raw samples P1 [Pa], P2 [Pa], x [m]."""
         return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
+
+    def readings(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> Array:
+        """Return the samples, shape ``(n, k)``, as the sensors gave them: without the mapping's sign and offset.
+
+        Pass them to what runs beside a machine: an exported step, a served model, the live service. Everything that
+        takes recordings takes their columns, which are corrected.
+        """
+        samples = self.samples(columns)
+        for place, column in enumerate(columns):
+            if (correction := self.metadata.corrections.get(column)) is not None:
+                samples[:, place] = correction.readings(samples[:, place])
+        return samples
 
     def zeroed(self) -> Recording:
         """Return a copy with the sensors' identified zeros subtracted, and their uncertainty in the metadata."""

@@ -147,9 +147,10 @@ def _reported(candidate: str) -> dict[str, dict[str, float]]:
 
 
 def _example(model: Path) -> dict[str, list[float]]:
-    """Read the first rows of the first held-out recording, by input of the model."""
+    """Read the first rows of the first held-out recording as the sensors gave them, by input of the model."""
     first = next(map(read_recording, recording_paths(PROCESSED_FOLDERS["test"])), None)
     if first is None:
         raise TrackingError(f"{PROCESSED_FOLDERS['test']}: holds no held-out recording; run the split stage")
     inputs = read_json(model / DESCRIPTION_FILE)["input"]
-    return {column: first.column(column)[: round(EXAMPLE_S / first.sample_time_s)].tolist() for column in inputs}
+    readings = first.readings(inputs)[: round(EXAMPLE_S / first.sample_time_s)]
+    return dict(zip(inputs, readings.T.tolist(), strict=True))

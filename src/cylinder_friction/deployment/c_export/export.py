@@ -189,6 +189,7 @@ def generate_c(
         described_inputs=inputs,
         flags=flags_of(step),
         fields=fields,
+        trained=step.trained_readings,
         offset=offset_texts(step),
         parameters=", ".join(f"{precision} {each.name}" for each in inputs),
         names=", ".join(each.name for each in inputs),

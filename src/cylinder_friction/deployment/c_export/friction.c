@@ -795,7 +795,12 @@ void NAMED(warm_up)(estimator_state *state, SAMPLE_PARAMETERS, uint32_t steps)
 
 void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *output)
 {
+#if HAS_CORRECTIONS
+    const real reading[INPUTS] = {SAMPLE_NAMES};
+    real given[INPUTS];
+#else
     const real given[INPUTS] = {SAMPLE_NAMES};
+#endif
     const real *window[CHANNELS];
     real sample[CHANNELS];
     real filtered[ROWS];
@@ -803,6 +808,11 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
     int invalid[INPUTS];
     uint32_t flags = 0u, outside = 0u;
     int channel, regime, first, frozen = 0, bad = 0;
+#if HAS_CORRECTIONS
+    for (channel = 0; channel < INPUTS; ++channel) {
+        given[channel] = SIGN[channel] * (reading[channel] - ZERO_READING[channel]);
+    }
+#endif
     for (channel = 0; channel < INPUTS; ++channel) {
         /* Comparisons with NaN are false. */
         invalid[channel] = !(given[channel] >= ACCEPT_LOWER[channel] && given[channel] <= ACCEPT_UPPER[channel]);

@@ -123,6 +123,7 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
         "HAS_HEAD": has_head(step),
         "HEAD_COUNTS": step.head_counts,
         "HAS_FOREST": forest is not None,
+        "HAS_CORRECTIONS": bool(step.corrections),
         "HAS_LOAD": load is not None,
         "HAS_FORCE_LIMITS": forces.size > 0,
         "LEARNS_OFFSET": step.offset is not None,
@@ -158,6 +159,9 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
         data |= _network(step.network)
     if forest is not None:
         data |= _forest(step, forest)
+    if step.corrections:
+        data["SIGN"] = np.array([float(each.sign) for each in step.input_corrections])
+        data["ZERO_READING"] = np.array([each.offset for each in step.input_corrections])
     if load is not None:
         data |= _load(load, step.inputs)
     if forces.size:

@@ -143,7 +143,8 @@ def _values(model: StepModel, name: str, kind: str, fmi: FmiVersion) -> dict[str
     return {
         "name": name,
         "description": f"Friction inside a hydraulic cylinder from raw samples of its sensors: {kind}"
-        + ("" if model.trained_for is None else f", trained for {model.trained_for.in_words()}"),
+        + ("" if model.trained_for is None else f", trained for {model.trained_for.in_words()}")
+        + (f"; it takes readings of the sensors, and from them {applied}" if (applied := model.applied()) else ""),
         "version": version("cylinder-friction"),
         "sample_time_s": repr(float(model.sample_time_s)),
         "variables": variables,

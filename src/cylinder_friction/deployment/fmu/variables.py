@@ -125,7 +125,7 @@ def _inputs(model: StepModel) -> list[FmuVariable]:
     """List the inputs; they start in the middle of the training range, as a piston at rest that the model knows."""
     result = []
     for each, lower, upper in zip(
-        described_inputs(model.inputs), model.guard.trained_lower, model.guard.trained_upper, strict=True
+        described_inputs(model.inputs), *(ends.tolist() for ends in model.trained_readings), strict=True
     ):
         text = each.meaning[0].upper() + each.meaning[1:]
         text += f", as the sensor gives it; no flag from {lower:.6g} to {upper:.6g}"

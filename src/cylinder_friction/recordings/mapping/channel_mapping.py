@@ -16,6 +16,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import ONE_CHAMBER
+from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction.recordings.columns import POSITION, PRESSURE_2, PRESSURES, QUANTITIES, TIME
 from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect, missing_columns
@@ -387,6 +388,12 @@ class ChannelMapping:
     def absolute(self) -> bool:
         return stated_reference(self.reading_unit) == "absolute"
 
+    def correction(self, column: str) -> ChannelCorrection:
+        """State the sign and offset that ``column_values`` applies to a reading in the column's unit (gauge)."""
+        atmosphere = (self.sign - 1) * STANDARD_ATMOSPHERE_PA if self.absolute else 0.0
+        offset = self.offset * check_unit(column, self.reading_unit)[0] if self.offset else 0.0
+        return ChannelCorrection(self.sign, offset + atmosphere)
+
     def column_values(self, raw: Array, column: str) -> Array:
         """Convert a channel's cells to the column's values; return the array itself if nothing changes."""
         reading = raw if self.sensor is None else self.sensor.reading(raw)
@@ -465,6 +472,12 @@ def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimi
             described += f" ({min(sensor.signal):g} to {max(sensor.signal):g} {source.unit})"
         limits[column] = SensorLimits(float(ends.min()), float(ends.max()), step, described)
     return limits
+
+
+def channel_corrections(mapping: Mapping[str, ChannelMapping]) -> dict[str, ChannelCorrection]:
+    """List the stated sign and offset of each column that has either."""
+    stated = {column: source.correction(column) for column, source in mapping.items() if column != TIME}
+    return {column: own for column, own in stated.items() if own != ChannelCorrection()}
 
 
 def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:
