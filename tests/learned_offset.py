@@ -33,11 +33,11 @@ def made_tracker(load: tuple[float, ...] = ()) -> OffsetTracker:
     zeros = np.array([2.2e4, 2.2e4, 0.0, *(30.0 for _ in load)])
     friction = [4.2e-5, 6e-3, 1350.0, 1.5, 0.2, 2e-2, 3e-2, 0.05, 1e-3, 3e-8, 2e-5, -0.4, 0.02, 3e-3]
     # Slowest speed, settling, block, mass, duration, noise, stroke, walk, common uncertainty, mean and deviation of
-    # speed, first and last position, even part, caution, largest variance, friction at rest
+    # speed, first and last position, even part, caution, largest variance
     settings = [6e-3, 40, 20, 6.0, 0.1, 6.0, 3.0, PRIOR_N**2 * 0.005 / 3600.0, 2.5, 0.05, 0.02, 0.08, 0.17, 0.8]
     return OffsetTracker(
         weights=np.array([areas, share, 1e-3 * areas, 1e-5 * share, areas * (zeros / PRIOR_N) ** 2]),
-        settings=OffsetSettings(*map(float, settings), -3e-7, 1.6, PRIOR_N**2, 60.0),
+        settings=OffsetSettings(*map(float, settings), -3e-7, 1.6, PRIOR_N**2),
         friction=np.array(friction),
         position=np.array([215.0, 1.0, -2.0, 0.5, 0.8, -0.3, 0.2, 0.6, -0.7, 0.1, 0.4, -0.2, 0.3]),
         ranges=np.array([[-1e6, 0.0, -1e30, -60.0], [6e6, 0.085, 1e30, 60.0]]),

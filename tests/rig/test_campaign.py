@@ -184,3 +184,15 @@ def test_transmitters_can_keep_their_zeros_over_sessions(cylinder: Cylinder) -> 
 def test_conditions_differ_in_asymmetry(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
     differing = list(campaign(cylinder, replace(SHORT, asymmetry_by_condition=0.2)))
     assert [not a.truth.equals(b.truth) for a, b in zip(differing, recordings, strict=True)] == [True] * 8
+
+
+@pytest.mark.parametrize("start", ["rest", "end_stop"])
+def test_a_recording_can_begin_at_rest(cylinder: Cylinder, start: Any) -> None:
+    for each in campaign(cylinder, replace(SHORT, recordings_per_session=1, weight_n=500.0, start=start)):
+        truth = each.truth
+        assert len(truth) == len(each.logger) == 3000
+        assert truth["time_s"].iloc[0] == 0.0
+        assert np.abs(truth["velocity_m_s"][:200]).max() < 1e-4
+        assert np.ptp(truth["position_m"]) > 0.02, "the work follows"
+        ends_m = np.array([0.0, cylinder.stroke_m])
+        assert (np.abs(truth["position_m"].iloc[0] - ends_m).min() < 1e-3) == (start == "end_stop")

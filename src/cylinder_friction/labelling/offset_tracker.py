@@ -38,12 +38,11 @@ LEAST_KNOWN = 0.75
 FOLDS, LEAST_SESSIONS = 4, 2
 CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
 CHOICES = {
-    "resting": (32.0, 1.0, 0.5, 0.25, 0.15, 0.1),
     "drifting": (1.0, 2.0, 4.0),
     "learning": CAUTION,
     "stating": CAUTION,
 }
-"""Candidates for ``OffsetTracker.careful``; the first value of ``resting`` is so large that rest shows no offset."""
+"""Candidates for ``OffsetTracker.careful``."""
 MARGIN = 0.5
 """Share of a quantity's training span by which it may leave that span before its blocks no longer count."""
 RANGED_PLACES = (0, 2, 5, 7)
@@ -169,7 +168,7 @@ def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], pr
         *(plan.slowest_m_s, round(plan.settling_s / step_s), block, cylinder.moving_mass_kg, block * step_s),
         *(model.noise_n, model.stroke_n, prior_n**2 * step_s / plan.drift_s, model.common_uncertainty_n),
         *(explain.means[speed], explain.deviations[speed], *explain.position_range_m),
-        *(even_constant, even_slopes[0], 1.0, prior_n**2, model.level_n),
+        *(even_constant, even_slopes[0], 1.0, prior_n**2),
         *(1.0 / (UNLIKE * deviation**2) if deviation > 0.0 else 0.0 for deviation in (model.scale, model.slope)),
     ]
     weights = _weights(recording, cylinder, inputs, prior_n)

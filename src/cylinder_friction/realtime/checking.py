@@ -156,7 +156,7 @@ def _check_offset(model: StepModel, channels: int) -> None:
         _numbers(f"offset.settings.{name}", value, ())
     for name in ("block", "duration_s", "speed_deviation", "noise_n"):
         _numbers(f"offset.settings.{name}", getattr(settings, name), (), np.finfo(float).tiny)
-    for name in ("slowest_m_s", "settling", "mass_kg", "stroke_n", "walk", "common_n", "largest_variance", "rest_n"):
+    for name in ("slowest_m_s", "settling", "mass_kg", "stroke_n", "walk", "common_n", "largest_variance"):
         _numbers(f"offset.settings.{name}", getattr(settings, name), (), 0.0)
     if not settings.first_position_m < settings.last_position_m:
         raise ValueError("offset.settings: expected first_position_m below last_position_m")

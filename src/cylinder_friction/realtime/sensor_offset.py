@@ -8,11 +8,11 @@ blocks, the force balance is explained by
 
 where g and h are friction and its asymmetry as known from training, and the other five terms are this session's own. A
 Kalman filter (Kalman 1960) updates these five after each block; ``stroke`` restarts with each stroke, and the offset
-drifts as a random walk. Before the first stroke the first block of a rest counts too: all of its friction is then an
-error of the stroke, so a rest shows only large offsets. A block that differs from the prediction by more than
-``LARGEST_SURPRISE`` standard deviations (with the stated zeros' among them) does not count: a saturated sensor or an
-end stop is no offset. What has been learned corrects the next sample, so nothing looks ahead. If scale and slope show
-that friction is not that of training (``UNLIKE``), the zeros are not corrected, and stay as uncertain as stated.
+drifts as a random walk. Rest does not count: friction holds the piston there with any force between minus and plus
+breakaway, the same one in each block. A block that differs from the prediction by more than ``LARGEST_SURPRISE``
+standard deviations (with the stated zeros' among them) does not count either: a saturated sensor or an end stop is no
+offset. What has been learned corrects the next sample, so nothing looks ahead. If scale and slope show that friction is
+not that of training (``UNLIKE``), the zeros are not corrected, and stay as uncertain as stated.
 """
 
 import math
@@ -33,8 +33,6 @@ like those of training are below."""
 BALANCE, PRESSURE, LOAD, WARM, ZERO = range(5)  # Rows of ``OffsetTracker.weights``
 DIRECTION, RUN, COUNT, FIRST_VELOCITY, SUM_VELOCITY, EXTENDED, RETRACTED, LEVEL, OFFSET, DEVIATION = range(10)
 """Places in the state; then come means and covariance of the session's own terms, the filter's gain, sums of inputs."""
-NOWHERE = 2.0
-"""Direction on invalid samples; at rest it is 0."""
 MEANS = 10
 COVARIANCE = MEANS + OWN
 GAIN = COVARIANCE + OWN * OWN
@@ -70,7 +68,6 @@ class OffsetSettings(NamedTuple):
     even_pressure: float
     caution: float  # Factor by which the stated uncertainty is larger than the learned one
     largest_variance: float  # Variance from the sensors' stated zeros [N²], the most that is ever stated
-    rest_n: float  # Standard deviation of friction at rest [N]
     # Squares of scale and slope above which friction is not that of training; 0: no limit
     scale_support: float = 0.0
     slope_support: float = 0.0
@@ -99,17 +96,16 @@ class OffsetTracker(NamedTuple):
         arrays: dict[str, Any] = {name: np.array(content[name], dtype=np.float64) for name in cls._fields}
         return cls(**arrays | {"settings": OffsetSettings(*map(float, content["settings"]))})
 
-    def careful(self, learning: float = 1.0, stating: float = 1.0, resting: float = 1.0, drifting: float = 1.0) -> Self:
+    def careful(self, learning: float = 1.0, stating: float = 1.0, drifting: float = 1.0) -> Self:
         """Make a more careful tracker, by factors on its assumptions.
 
         ``learning`` multiplies the differences between sessions and strokes, ``stating`` the stated uncertainty (which
-        never exceeds that of the sensors' zeros), ``resting`` friction at rest, and ``drifting`` the zeros' drift.
+        never exceeds that of the sensors' zeros), and ``drifting`` the zeros' drift.
         """
         settings = self.settings._replace(
             stroke_n=self.settings.stroke_n * learning,
             scale_support=self.settings.scale_support / learning**2,
             slope_support=self.settings.slope_support / learning**2,
-            rest_n=self.settings.rest_n * resting,
             walk=self.settings.walk * drifting**2,
             caution=stating,
         )
@@ -133,7 +129,7 @@ class OffsetTracker(NamedTuple):
             deviations[0] = own_n / self.settings.caution
         state = np.zeros(SUMS + self.weights.shape[1])
         state[EXTENDED] = state[RETRACTED] = float(uncertainty_n is not None)
-        state[DIRECTION], state[MEANS] = NOWHERE, offset_n
+        state[MEANS] = offset_n
         state[COVARIANCE:GAIN] = np.diag(deviations**2).ravel()
         show(self.settings, state)
         return state
@@ -153,7 +149,7 @@ class OffsetTracker(NamedTuple):
 
 
 _NONE = np.zeros((0, 0))
-NO_TRACKER = OffsetTracker(_NONE, OffsetSettings(*[0.0] * 18), _NONE.ravel(), _NONE.ravel(), _NONE, _NONE.ravel())
+NO_TRACKER = OffsetTracker(_NONE, OffsetSettings(*[0.0] * 17), _NONE.ravel(), _NONE.ravel(), _NONE, _NONE.ravel())
 
 
 @compiled_part
@@ -184,7 +180,7 @@ def offset_step(
     """
     settings = tracker.settings
     state[COVARIANCE] += settings.walk
-    direction = 0.0 if valid else NOWHERE
+    direction = 0.0
     if valid and velocity_m_s >= settings.slowest_m_s:
         direction = 1.0
     elif valid and velocity_m_s <= -settings.slowest_m_s:
@@ -192,8 +188,7 @@ def offset_step(
     if direction != state[DIRECTION]:
         _begin_stroke(settings, state, direction)
     state[RUN] += 1.0
-    resting = direction == 0.0 and state[RUN] <= settings.block
-    if resting or (abs(direction) == 1.0 and state[RUN] > settings.settling):
+    if direction != 0.0 and state[RUN] > settings.settling:
         if state[COUNT] == 0.0:
             state[FIRST_VELOCITY] = velocity_m_s
         state[COUNT] += 1.0
@@ -223,8 +218,7 @@ def _begin_stroke(settings: OffsetSettings, state: Array, direction: float) -> N
     for own in range(OWN):
         state[COVARIANCE + STROKE * OWN + own] = 0.0
         state[COVARIANCE + own * OWN + STROKE] = 0.0
-    deviation = settings.rest_n if direction == 0.0 else settings.stroke_n
-    state[COVARIANCE + STROKE * OWN + STROKE] = deviation * deviation
+    state[COVARIANCE + STROKE * OWN + STROKE] = settings.stroke_n * settings.stroke_n
     _clear(state)
 
 
@@ -254,11 +248,9 @@ def _means(weights: Array, state: Array) -> tuple[float, float, float, float]:
 def _take_block(tracker: OffsetTracker, state: Array, place: int, velocity_m_s: float) -> None:
     """Update the session's own terms with a block's mean force balance."""
     settings, direction = tracker.settings, state[DIRECTION]
-    if direction == 0.0 and state[EXTENDED] + state[RETRACTED] > 0.0:
-        return
     balance, pressure, load, warm = _means(tracker.weights, state)
     warm -= REFERENCE_C
-    speed = direction * state[SUM_VELOCITY] / state[COUNT] if direction != 0.0 else settings.speed_mean
+    speed = direction * state[SUM_VELOCITY] / state[COUNT]
     ranged = (pressure, speed, load, warm)
     for each in range(RANGED):
         if ranged[each] < tracker.ranges[0, each] or ranged[each] > tracker.ranges[1, each]:
@@ -309,7 +301,7 @@ def _level(state: Array, direction: float, level: float) -> float:
     """
     if direction > 0.0:
         state[EXTENDED] = 1.0
-    elif direction < 0.0:
+    else:
         state[RETRACTED] = 1.0
     if state[LEVEL] == 0.0:
         state[LEVEL] = level

@@ -12,7 +12,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.recording import RecordingMetadata
 from cylinder_friction.rig.campaign_plan import CampaignPlan
-from cylinder_friction.rig.duty_cycles import duty_cycle
+from cylinder_friction.rig.duty_cycles import Row, duty_cycle, unlogged_stroke
 from cylinder_friction.rig.external_load import ExternalLoad, crane_load, varied_load
 from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.lever import TICK_S, ornstein_uhlenbeck
@@ -145,7 +145,11 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
         generator = _generator(plan, int(condition), number, take)
         began_s = (take - 1) * (plan.duration_s + PAUSE_S)
         rig = session.rig
-        load = _load(plan, rig.hydraulics.stroke_m, int(condition), number, take)
+        before, lead_s = list[Row](), 0.0
+        if plan.start != "work":
+            before, lead_s = unlogged_stroke(rig, generator, plan.start == "end_stop")
+        simulated_s = plan.duration_s + lead_s
+        load = _load(replace(plan, duration_s=simulated_s), rig.hydraulics.stroke_m, int(condition), number, take)
         position_m = rig.hydraulics.stroke_m * generator.uniform(0.2, 0.8)
         start = balanced_state(
             rig,
@@ -154,9 +158,11 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
             oil_temperature_c=temperature_c,
             load_force_n=0.0 if load is None else load.at_start(position_m, rig.hydraulics.stroke_m),
         )
-        lever = duty_cycle(rig, generator, plan.duration_s, turn=number + take)
-        drift = session.drift_from(began_s, plan.duration_s)
-        trace = simulate(rig, lever, start, plan.duration_s, drift, plan.time_step_s, external_force=load)
+        lever = duty_cycle(rig, generator, simulated_s, turn=number + take, before=before)
+        drift = session.drift_from(began_s, simulated_s)
+        trace = simulate(rig, lever, start, simulated_s, drift, plan.time_step_s, external_force=load)
+        trace = trace.iloc[round(lead_s / TICK_S) :].reset_index(drop=True)
+        trace["time_s"] -= trace["time_s"].iloc[0]
         # Work goes on between recordings and warms the oil at the same rate.
         warming_c = float(trace["oil_temperature_c"].iloc[-1]) - temperature_c
         temperature_c += warming_c * (1.0 + PAUSE_S / plan.duration_s)

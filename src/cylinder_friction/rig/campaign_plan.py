@@ -61,6 +61,9 @@ class CampaignPlan:
     asymmetry_by_condition: _NotNegative = 0.0
     # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
     specimen: Literal["default", "wide"] = "default"
+    # What a recording begins with: ``"work"``; ``"rest"`` of the piston after a stroke that nobody logged, or at an
+    # ``"end_stop"`` that the stroke reached
+    start: Literal["work", "rest", "end_stop"] = "work"
 
     @property
     def recordings(self) -> int:

@@ -1,6 +1,7 @@
 """Duty cycles of an operator at the hand lever: mostly free work, with sines, staircases and ramps in between."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.random import Generator
@@ -91,20 +92,33 @@ def breakaway_ramps(rig: RigParameters, generator: Generator) -> list[Row]:
     return rows
 
 
-def duty_cycle(rig: RigParameters, generator: Generator, duration_s: float, turn: int = 0) -> DutyCycle:
+def duty_cycle(
+    rig: RigParameters, generator: Generator, duration_s: float, turn: int = 0, before: Sequence[Row] = ()
+) -> DutyCycle:
     """Plan an operator's duty cycle of about ``duration_s``: free work around one or two set exercises.
 
     ``turn`` rotates the exercises, so that a session of two recordings contains them all: even turns have a staircase,
-    odd turns have sines and breakaway ramps. Short recordings begin with the free work.
+    odd turns have sines and breakaway ramps. Short recordings begin with the free work. ``before`` comes first.
     """
     if turn % 2 == 0:
         exercises = staircase(rig, generator)
     else:
         exercises = sines(rig, generator, 8.0) + breakaway_ramps(rig, generator)
     taken = sum(row[2] + row[3] for row in exercises)
-    before = generator.uniform(0.3, 0.7) * max(duration_s - taken, 0.4 * duration_s)
-    rows = hand_work(rig, generator, before) + exercises + hand_work(rig, generator, 1.5 * duration_s)
+    free_s = generator.uniform(0.3, 0.7) * max(duration_s - taken, 0.4 * duration_s)
+    rows = [*before, *hand_work(rig, generator, free_s), *exercises, *hand_work(rig, generator, 1.5 * duration_s)]
     return DutyCycle(np.array(rows), hand_remnant(generator, duration_s))
+
+
+def unlogged_stroke(rig: RigParameters, generator: Generator, to_end: bool) -> tuple[list[Row], float]:
+    """Plan a stroke, to an end stop or not, and a rest after it; also return how long it lasts before the log [s].
+
+    The first second of the rest is not logged either, so that pressures have settled.
+    """
+    direction = float(generator.choice((-1.0, 1.0)))
+    lever = direction if to_end else lever_for_speed(rig, direction * generator.uniform(0.01, 0.03))
+    stroke_s = 8.0 if to_end else 1.0
+    return [_row(lever, 0.2, stroke_s), _row(0.0, 0.15, 1.0 + generator.uniform(2.0, 5.0))], stroke_s + 1.35
 
 
 def _row(

@@ -20,6 +20,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 MODEL_FOLDER = "model"
 """Folder of the model beside the trajectories."""
 ROWS = 1000
+REST_ROWS = 50
 REST_M_S = 1e-3
 SATURATED_PA = 9e6
 END_STOP_PA = 6e6
@@ -121,6 +122,7 @@ def golden_samples(recordings: list[Recording], inputs: Sequence[str] = SAMPLE_C
         "pressure_steps": _stepped(resting),
         "saturation": _saturated(fast[:ROWS]),
         "end_stop": _stopped(recordings),
+        "starts_at_rest": _from_rest(recordings, moving),
         "frozen": _frozen(fast),
     }
 
@@ -169,6 +171,19 @@ def _stopped(recordings: list[Recording]) -> Array:
     stop[:100, 0] = np.linspace(samples[end, 0], END_STOP_PA, 100)
     stop[100:, 0] = END_STOP_PA
     return np.concatenate([samples[end - 300 : end], stop, samples[end : end - 100 : -1]])
+
+
+def _from_rest(recordings: list[Recording], moving: list[NDArray[np.bool_]]) -> Array:
+    """Cut out a start at rest: the longer rest under the least friction, and the motion after it."""
+    least_n, chosen = np.inf, np.empty((0, len(SAMPLE_COLUMNS)))
+    for recording, moves in zip(recordings, moving, strict=True):
+        friction_n = np.abs(recording.column("friction_n"))
+        changes = np.flatnonzero(np.diff(moves.astype(int), prepend=1, append=1))
+        for begin, end in changes.reshape(-1, 2).tolist():
+            held_n = friction_n[begin:end].mean()
+            if held_n < least_n and end - begin >= REST_ROWS and begin + ROWS <= len(recording):
+                least_n, chosen = held_n, recording.samples()[begin : begin + ROWS]
+    return chosen
 
 
 def _corrupted(samples: Array) -> Array:

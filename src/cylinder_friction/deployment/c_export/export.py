@@ -288,7 +288,7 @@ def _offset_fields(channels: int, real: Type) -> list[StateField]:
         StateField(real, "block_velocity_m_s", (), "the same of the velocity"),
         StateField(real, "block_first_m_s", (), "velocity at this block's first sample"),
         StateField("uint32_t", "block_samples", (), "samples in this block so far"),
-        StateField("uint32_t", "stroke_samples", (), "samples in this stroke until it has settled, or in this rest"),
+        StateField("uint32_t", "stroke_samples", (), "samples in this stroke until it has settled"),
         StateField("uint32_t", "directions", (), "bits: 1 once a block extended, 2 once one retracted"),
-        StateField("int32_t", "stroke_direction", (), "-1 or 1: direction of this stroke; 0: at rest; 2: invalid"),
+        StateField("int32_t", "stroke_direction", (), "-1 or 1: direction of this stroke; 0: at rest or invalid"),
     ]

@@ -528,20 +528,17 @@ static uint32_t unmodelled_force(estimator_state *state, const real sample[CHANN
      direction * g + h + offset + asymmetry + scale * direction * |g| + slope * direction * |g| * speed + stroke + noise
 
    with friction g and its asymmetry h as known from training. A Kalman filter follows the five others, in this order;
-   the stroke's error begins anew with each stroke. Before the first stroke the first block of a rest counts too, whose
-   friction is all the stroke's. What is learned corrects the next sample. */
+   the stroke's error begins anew with each stroke. Rest does not count: friction may be any up to breakaway there. What
+   is learned corrects the next sample. */
 #define OWN 5
 #define EXTENDED 1u
 #define RETRACTED 2u
-/* Stroke's direction on invalid samples; 0 at rest. */
-#define NOWHERE 2
 
 static void begin_offset(estimator_state *state, real offset_n, real uncertainty_n)
 {
     /* Comparisons with NaN are false. */
     const int possible = M(fabs)(offset_n) <= OFFSET_LIMIT_N && uncertainty_n <= OFFSET_LIMIT_N;
     int own;
-    state->stroke_direction = NOWHERE;
     for (own = 0; own < OWN; ++own) {
         state->own_covariance[own][own] = STATED_VARIANCE[own];
     }
@@ -621,7 +618,7 @@ static void begin_stroke(estimator_state *state, int32_t direction)
         state->own_covariance[OWN - 1][own] = R(0.0);
         state->own_covariance[own][OWN - 1] = R(0.0);
     }
-    state->own_covariance[OWN - 1][OWN - 1] = direction == 0 ? REST_VARIANCE : STROKE_VARIANCE;
+    state->own_covariance[OWN - 1][OWN - 1] = STROKE_VARIANCE;
     clear_block(state);
 }
 
@@ -685,7 +682,7 @@ static void take_block(estimator_state *state, real velocity_m_s)
 {
     const real direction = (real)state->stroke_direction;
     const real samples = (real)state->block_samples;
-    const real speed = state->stroke_direction == 0 ? SPEED_MEAN : direction * state->block_velocity_m_s / samples;
+    const real speed = direction * state->block_velocity_m_s / samples;
     const real ranged[4] = {block_mean(state, PRESSURE_OF), speed, block_mean(state, LOAD_OF),
                             block_mean(state, TEMPERATURE_OF) - REFERENCE_C};
     const real balance = block_mean(state, BALANCE_OF)
@@ -695,9 +692,6 @@ static void take_block(estimator_state *state, real velocity_m_s)
     real known, level, first_level_n;
     uint32_t directions;
     int each;
-    if (state->stroke_direction == 0 && state->directions != 0u) {
-        return;
-    }
     for (each = 0; each < 4; ++each) {
         if (ranged[each] < LOWEST[each] || ranged[each] > HIGHEST[each]) {
             return;
@@ -710,7 +704,7 @@ static void take_block(estimator_state *state, real velocity_m_s)
     directions = state->directions;
     first_level_n = state->level_n;
     level = M(fabs)(direction * known);
-    state->directions |= state->stroke_direction > 0 ? EXTENDED : state->stroke_direction < 0 ? RETRACTED : 0u;
+    state->directions |= state->stroke_direction > 0 ? EXTENDED : RETRACTED;
     state->level_n = state->level_n == R(0.0) ? level : state->level_n;
     level = state->directions == (EXTENDED | RETRACTED) ? level : state->level_n;
     explains[1] = level;
@@ -725,17 +719,16 @@ static void take_block(estimator_state *state, real velocity_m_s)
 static void learn_offset(estimator_state *state, real velocity_m_s, const real sample[CHANNELS], int valid)
 {
     const int32_t moving = velocity_m_s >= SLOWEST_M_S ? 1 : velocity_m_s <= -SLOWEST_M_S ? -1 : 0;
-    const int32_t direction = valid ? moving : NOWHERE;
-    const uint32_t longest = direction == 0 ? BLOCK_SAMPLES : SETTLING_SAMPLES;
+    const int32_t direction = valid ? moving : 0;
     int channel;
     state->own_covariance[0][0] += WALK;
     if (direction != state->stroke_direction) {
         begin_stroke(state, direction);
     }
-    if (state->stroke_samples <= longest) {
+    if (state->stroke_samples <= SETTLING_SAMPLES) {
         ++state->stroke_samples;
     }
-    if (direction == NOWHERE || (direction == 0) == (state->stroke_samples > longest)) {
+    if (direction == 0 || state->stroke_samples <= SETTLING_SAMPLES) {
         return;
     }
     if (state->block_samples == 0u) {

@@ -357,7 +357,6 @@ def _offset(tracker: at.OffsetTracker, bank: FilterBank, real: Type) -> Data:
         "BLOCK_SAMPLES": math.ceil(settings.block),
         "NOISE_VARIANCE": settings.noise_n**2,
         "STROKE_VARIANCE": settings.stroke_n**2,
-        "REST_VARIANCE": settings.rest_n**2,
         "COMMON_VARIANCE": settings.common_n**2,
         "CAUTION_SQUARE": settings.caution**2,
         "SPAN_M": settings.last_position_m - settings.first_position_m,
