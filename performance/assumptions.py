@@ -19,7 +19,6 @@ import numpy as np
 import pandas as pd
 from sentences import NAMES, WEIGHT_N, World, simulated, write_logs
 
-from cylinder_friction.commands.log_options import load_of
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification import MOST_ROWS
 from cylinder_friction.estimation.results import load_left
@@ -52,7 +51,7 @@ def rows_of(world: World, seed: int) -> Iterator[dict[str, float]]:
     made = simulated(world, seed, quick=False)
     cylinder = replace(made.cylinder, moving_mass_kg=world.mass_stated * made.cylinder.moving_mass_kg)
     with tempfile.TemporaryDirectory() as scratch:
-        mapping, load = write_logs(made, Path(scratch)), load_of(world.load)
+        mapping, load = write_logs(made, Path(scratch)), world.load
         logs = find_logs(f"{scratch}/logs/*.csv", mapping, cylinder, names=NAMES, load=load)
         run = LabelledLogs(logs, logged_files(logs), Path(scratch) / "kept", None)
         for each, _ in run.recordings(MOST_ROWS):

@@ -24,7 +24,6 @@ from sentences import LOAD, NAMES, ONLY_INTERVALS, WORLDS, Simulated, holds, sen
 from zero_sweep import RIG, Kind, evidence_of, raw_recordings
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.commands.log_options import load_of
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification import MOST_ROWS, ModelSearch
 from cylinder_friction.estimation.results import load_left
@@ -182,8 +181,8 @@ def intervals(seed: int, quick: bool) -> Iterator[Row]:
     for name, world in (WORLDS | ONLY_INTERVALS).items():
         made = simulated(world, seed, quick)
         with tempfile.TemporaryDirectory() as scratch:
-            mapping, load = write_logs(made, Path(scratch)), load_of(world.load)
-            logs = find_logs(f"{scratch}/logs/*.csv", mapping, made.cylinder, names=NAMES, load=load)
+            mapping, all_logs = write_logs(made, Path(scratch)), f"{scratch}/logs/*.csv"
+            logs = find_logs(all_logs, mapping, made.cylinder, names=NAMES, load=world.load)
             run = LabelledLogs(logs, logged_files(logs), Path(scratch) / "kept", None)
             labelled = list(run.recordings(MOST_ROWS))
         for quantity, held_ in intervals_of(made, simulated(world, seed, quick, OF_THE_RIG), run, labelled):

@@ -106,6 +106,7 @@ def test_a_fleet_file_is_read_as_its_owner_means_it(tmp_path: Path) -> None:
         ("a", {"services": [{"time": "March"}]}, "got 'March', expected a time such as 2026-03-01"),
         ("a", {"limit_percent": {"wear": 3.0}}, "got indicator 'wear', but expected one of friction_n"),
         ("a", {"limit_percent": {"friction_n": -20.0}}, "limit_percent.friction_n: expected a positive number"),
+        ("a", {"load": "heavy"}, "load: got 'heavy', expected none, measured, position, or a constant load in newtons"),
         ("a", {"baseline_sessions": 10}, "baseline_sessions must be at least 30, but got 10"),
         ("a", {"false_alarms_per_year": 2.0}, "false_alarms_per_year must be at most 1, but got 2.0"),
         ("a", {"bulk_modulus_pa": -1.0}, "bulk_modulus_pa must be a positive number, but got -1.0"),

@@ -79,6 +79,21 @@ def with_own(fleet: Fleet, name: str, **own: Any) -> Fleet:
     return Fleet({**fleet.cylinders, name: replace(fleet.cylinders[name], **own)})
 
 
+def test_a_weighed_load_is_subtracted(
+    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    pressure_pa = labelled_recordings[0].column("pressure_1_pa")
+    hung = labelled_recordings[0].with_columns(pressure_1_pa=pressure_pa + 7848.0 / cylinder.piston_area_m2)
+    write_session(tmp_path / "logs/hung/2026-03-01.csv", hung)
+    write_session(tmp_path / "logs/free/2026-03-01.csv", labelled_recordings[0])
+    fleet = write_fleet(tmp_path, "hung", "free", own={"hung": {"load": "7848+-40"}, "free": {"load": 0}})
+    assert run(tmp_path, fleet).status == 0
+    (hung_row,), (free_row,) = sessions(tmp_path, "hung"), sessions(tmp_path, "free")
+    assert hung_row["load_n"] == pytest.approx(7848.0)
+    for name in ("friction_n", "half_sum_n"):
+        assert hung_row[name] == pytest.approx(free_row[name], abs=1.0)
+
+
 def test_each_night_only_what_is_new(folder: Path, fleet: Fleet, labelled_recordings: list[Recording]) -> None:
     health = run(folder, fleet)
     assert (health.status, health.refused, health.new_alarms) == (0, (), ())

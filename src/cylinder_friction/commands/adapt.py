@@ -25,7 +25,7 @@ from cylinder_friction.labelling.known_offset import training_models, without_of
 from cylinder_friction.labelling.label import label, position_load
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.realtime.position_load import PositionLoad
-from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
+from cylinder_friction.recordings.checks.limits import StatedLoad, load_of
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.reading_logs import read_recordings
@@ -62,8 +62,8 @@ def _adapt_to_logs(
         if not isinstance(source, HybridEstimator):
             raise ValueError(f"{name}: is of the kind {source.kind!r}, expected a hybrid; no other can be adapted")
         recordings = read_recordings(files, channels, cylinder, **reading)
-        measured: LoadMode = "measured" if LOAD_FORCE in recordings[0].columns else "none"
-        mode, load, beside = reading["load"] or measured, None, ""
+        measured = "measured" if LOAD_FORCE in recordings[0].columns else "none"
+        mode, load, beside = load_of(reading["load"] or measured), None, ""
         if isinstance(mode, StatedLoad):  # part of the model, as no sensor measures it
             load = PositionLoad(
                 0.0, cylinder.stroke_m, np.full(2, mode.force_n), np.full(2, RECTANGULAR * mode.within_n)

@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cylinder_friction.commands.log_options import advice, collect_notes, cylinder_of, load_of, units_of
+from cylinder_friction.commands.log_options import advice, collect_notes, cylinder_of, units_of
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.labelling.apparent_loss import named_loss
 from cylinder_friction.labelling.known_offset import known_offsets
@@ -74,7 +74,7 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
             "--cylinder, --channels, --load, --unit, --names, --sensor-class and --dbc"
         )
     cylinder = cylinder_of(options.cylinder)
-    given = {"load": load_of(options.load), "units": units_of(options.unit), "database": options.dbc}
+    given = {"load": options.load, "units": units_of(options.unit), "database": options.dbc}
     given["sensor_class"] = options.sensor_class
     paths, names = [options.path, *options.overrides], options.names
     logs, notes = collect_notes(lambda: find_logs(paths, options.channels, cylinder, names=names, **given))

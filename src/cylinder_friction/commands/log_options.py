@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 
@@ -16,20 +16,12 @@ from cylinder_friction.commands.arguments import EXAMPLE_CYLINDER
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.params.file import PARAMS_FILE, ParamsError
-from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 
 if TYPE_CHECKING:
     from cylinder_friction.estimation.identified_model import FrictionModels
     from cylinder_friction.estimation.results import FrictionOfLogs
 
 Result = TypeVar("Result")
-
-
-def load_of(given: str | None) -> LoadMode | StatedLoad | None:
-    """Read how the load is known, or the constant load itself, from ``--load``; ``RecordingError`` if it is neither."""
-    if given is None or given in get_args(LoadMode):
-        return cast("LoadMode | None", given)
-    return StatedLoad.parsed(given)
 
 
 def units_of(given: Sequence[str]) -> dict[str, str]:
@@ -71,7 +63,7 @@ def cylinder_of(given: str | None) -> Cylinder:
 def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:
     """Call a function on the logs of ``add_log_arguments``; return its result and the warnings it gave."""
     cylinder = cylinder_of(options.cylinder)
-    given: dict[str, Any] = {"load": load_of(options.load), "units": units_of(options.unit), "database": options.dbc}
+    given: dict[str, Any] = {"load": options.load, "units": units_of(options.unit), "database": options.dbc}
     given |= {name: getattr(options, name) for name in ("channels", "names", "sensor_class")}
     result, notes = collect_notes(lambda: function(options.logs, cylinder, options.output, **given))
     if options.cylinder is None:

@@ -50,7 +50,7 @@ from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
-from cylinder_friction.recordings.checks.limits import Load
+from cylinder_friction.recordings.checks.limits import GivenLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.conversion import SeenRecordings, logged_files, overlaps_in_words
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, Logs, find_logs
@@ -76,7 +76,7 @@ def estimate_logs(
     *,
     channels: str | Path | Mapping[str, Any] | None = None,
     model: FrictionEstimator | str | Path | None = None,
-    load: Load | None = None,
+    load: GivenLoad | None = None,
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,

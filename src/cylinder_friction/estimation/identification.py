@@ -47,7 +47,7 @@ from cylinder_friction.friction_models.identification.procedure import SearchEff
 from cylinder_friction.friction_models.identification.steady_points import undetermined
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.known_offset import mean_uncertainty_n
-from cylinder_friction.recordings.checks.limits import Load
+from cylinder_friction.recordings.checks.limits import GivenLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR
 from cylinder_friction.recordings.conversion import Quarantined, logged_files, none_usable, other_rates
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, find_logs
@@ -91,7 +91,7 @@ def identify_logs(
     into: str | Path = "friction_models",
     *,
     channels: str | Path | Mapping[str, Any] | None = None,
-    load: Load | None = None,
+    load: GivenLoad | None = None,
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,

@@ -24,7 +24,7 @@ from cylinder_friction.labelling.uncertainty import (
     smoothing_deviation,
 )
 from cylinder_friction.realtime.position_load import PositionLoad
-from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.checks.limits import GivenLoad, LoadMode, StatedLoad, load_of
 from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.signals.methods import warn_of_rates
@@ -225,7 +225,7 @@ def label(
     cylinder: Cylinder,
     *,
     signal_filter: SignalFilter | None = None,
-    load: LoadMode | PositionLoad = "none",
+    load: GivenLoad | PositionLoad = "none",
     inertia: InertiaMode = "given",
     stiffness: Stiffness = NO_STIFFNESS,
     end_stop_margin_m: float = 0.003,
@@ -239,7 +239,8 @@ def label(
         recordings: Raw recordings in SI units, of any sessions and conditions, in the order of the result.
         cylinder: Cylinder, for its areas, stroke and moving mass.
         signal_filter: Smooths pressures and differentiates position; None: ``AdaptiveWindow`` with its defaults.
-        load: As in ``Labeller``; or a known load that depends on position and is the same in all sessions.
+        load: As in ``Labeller``; or a weighed load in newtons with the limit of its error, ``"4218+-40"``; or a known
+            load that depends on position. Weighed and known loads are the same in all sessions.
         inertia, stiffness, end_stop_margin_m: As in ``Labeller``.
 
     Raises:
@@ -252,7 +253,10 @@ def label(
         ['velocity_m_s', 'friction_uncertainty_n', 'friction_n', 'usable']
     """
     known = load if isinstance(load, PositionLoad) else None
-    mode: LoadMode = "none" if isinstance(load, PositionLoad) else load
+    mode = "none" if isinstance(load, PositionLoad) else load_of(load)
+    if isinstance(mode, StatedLoad):
+        recordings = map(mode.added, recordings)
+        mode = "measured"
     labeller = Labeller(cylinder, stiffness, end_stop_margin_m, mode, inertia)
     signal_filter = signal_filter or default_filter(cylinder)
     smooth = [filtered(recording, signal_filter) for recording in recordings]

@@ -21,11 +21,10 @@ from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.recordings.checks.recording_checks import checked_recording
 from cylinder_friction.recordings.checks.screening import screen_signals
-from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, SAMPLE_COLUMNS, TIME
+from cylinder_friction.recordings.columns import DRIVE_FORCE, PRESSURES, SAMPLE_COLUMNS, TIME
 from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.logs import Logs, Recipe
 from cylinder_friction.recordings.mapping.channel_mapping import (
     channel_corrections,
@@ -39,7 +38,6 @@ from cylinder_friction.recordings.recording import (
     Recording,
     RecordingError,
     RecordingMetadata,
-    SensorUncertainty,
 )
 from cylinder_friction.recordings.timeline.aligning import RowsLeftOut, align
 
@@ -144,15 +142,13 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[Log
 
 def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
     """Add to the names of a file what else its recordings share; each has its own sample time and start."""
-    stated, cylinder = recipe.limits.stated_load, recipe.limits.cylinder
+    cylinder = recipe.limits.cylinder
     areas_m2 = dict(zip(PRESSURES, (cylinder.piston_area_m2, cylinder.annulus_area_m2), strict=True))
     sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
-    load = {} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)}
     return replace(
         named,
         cylinder=cylinder.name,
-        load=named.load if stated is None else stated.in_words(),
-        uncertainty=load | sensor_uncertainty(recipe.channels),
+        uncertainty=sensor_uncertainty(recipe.channels),
         source_file=source_file,
         source_sha256=digest,
         asset=named.asset or recipe.asset,
@@ -192,8 +188,7 @@ def pieces_from(
     about = replace(about, repairs=notes, start_source=unknown)
     pieces = align(signals, recipe.time, about, rules.in_utc(start))
     if recipe.limits.stated_load is not None:
-        force_n = recipe.limits.stated_load.force_n
-        pieces = [each.with_columns(load_force_n=np.full(len(each), force_n)) for each in pieces]
+        pieces = list(map(recipe.limits.stated_load.added, pieces))
     if len(pieces) == 1:
         return pieces
     return [each.described(name=f"{each.name}_part{number}") for number, each in enumerate(pieces, start=1)]

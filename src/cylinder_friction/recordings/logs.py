@@ -12,7 +12,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 from unicodedata import category
 from zoneinfo import ZoneInfo
 
@@ -21,7 +21,15 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.result_folder import existing
 from cylinder_friction.files.whole_files import read_yaml
-from cylinder_friction.recordings.checks.limits import CheckLimits, CheckRules, Load, LoadMode, StatedLoad
+from cylinder_friction.recordings.checks.limits import (
+    CheckLimits,
+    CheckRules,
+    GivenLoad,
+    Load,
+    LoadMode,
+    StatedLoad,
+    load_of,
+)
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
 from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
@@ -221,7 +229,7 @@ def find_logs(
     cylinder: Cylinder,
     *,
     names: str | None = None,
-    load: Load | None = None,
+    load: GivenLoad | None = None,
     rate_hz: float | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
@@ -231,9 +239,10 @@ def find_logs(
     given = [files] if isinstance(files, str | Path) else list(files)
     mapping = channels if isinstance(channels, str | Path) else None
     paths, guess, tables = log_paths(given), None, list[LoggedTable]()
+    stated = None if load is None else load_of(load)
     try:
         if channels is None:
-            guess, tables = _guessed(paths, cylinder, units or {}, Path(database) if database else None, load)
+            guess, tables = _guessed(paths, cylinder, units or {}, Path(database) if database else None, stated)
             settings: dict[str, Any] = {"channels": {name: each.entry for name, each in guess.columns.items()}}
         elif units:
             raise RecordingError(
@@ -245,7 +254,7 @@ def find_logs(
             settings["database"] = database
         if rate_hz is not None:
             settings["time"] = {**settings.get("time", {}), "rate_hz": rate_hz}
-        logs = _logs(paths, settings, cylinder, names, load)
+        logs = _logs(paths, settings, cylinder, names, stated)
     except (TypeError, AttributeError) as error:
         raise RecordingError(
             f"{mapping or 'channels'}: is no mapping of channels to columns with rules ({error}); see `ingest init`"
@@ -299,12 +308,11 @@ def _logs(
         rules = NameRules()
     mode: LoadMode = "measured" if LOAD_FORCE in settings["channels"] else "none"
     mapped = settings.get("load")
-    if mapped not in (None, *get_args(LoadMode)):
-        load = load or StatedLoad.parsed(str(mapped))
+    if load is None:
+        load = mode if mapped in (None, "none", "measured") else load_of(mapped)
     if isinstance(load, StatedLoad) and mode == "measured":
         raise RecordingError(f"load: {load.force_n:g} N is stated, but {LOAD_FORCE} is mapped too; leave one out")
-    mode = "position" if mapped == "position" else mode
-    recipe = Recipe.from_settings(settings, rules, cylinder, load or mode)
+    recipe = Recipe.from_settings(settings, rules, cylinder, load)
     check_mapping(recipe.channels)
     if (pattern := recipe.start.pattern) is not None and not any(map(recipe.start.named, files)):
         warnings.warn(f"start.pattern '{pattern}' {nothing}, so that it states no start; correct it", stacklevel=4)

@@ -12,7 +12,7 @@ from typing import Any
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.execution.workers import Workers
 from cylinder_friction.files.whole_files import whole_folder, write_json
-from cylinder_friction.recordings.checks.limits import Load
+from cylinder_friction.recordings.checks.limits import GivenLoad
 from cylinder_friction.recordings.conversion import (
     Converted,
     LoggedFile,
@@ -39,7 +39,7 @@ def read_recordings(
     cylinder: Cylinder,
     *,
     names: str | None = None,
-    load: Load | None = None,
+    load: GivenLoad | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
     database: str | Path | None = None,
@@ -59,8 +59,8 @@ def read_recordings(
             default the ``name_pattern`` of ``channels``. Without one, each file is a session of its own, named as the
             file, and all have the condition "1".
         load: ``none``, ``measured`` (``load_force_n``), ``position`` (it depends on position alone), or a constant
-            load, ``StatedLoad(4218.0, within_n=40.0)``. By default what ``channels`` states, else ``measured`` if
-            ``load_force_n`` is mapped, else ``none``.
+            load in newtons with the limit of its error, ``"4218+-40"``. By default what ``channels`` states, else
+            ``measured`` if ``load_force_n`` is mapped, else ``none``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
         sensor_class: Accuracy of the pressure sensors [± % of full scale] if ``channels`` states none. Full scale is

@@ -221,9 +221,8 @@ class CylinderRun:
         return load_settings(self.owned.channels) | {"source": str(self.root)}
 
     def _row(self, recordings: Sequence[Recording]) -> SessionRow:
-        measured = self.owned.load == "measured" or (
-            self.owned.load is None and all(LOAD_FORCE in each.columns for each in recordings)
-        )
+        identified = self.owned.load in ("none", "position")
+        measured = not identified and all(LOAD_FORCE in each.columns for each in recordings)
         plan = self.owned.indicator_plan("measured" if measured else "none")
         row = session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
         return row if self.stated is None else replace(row, held=held_label(recordings, self.stated))

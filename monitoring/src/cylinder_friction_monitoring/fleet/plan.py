@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from cylinder_friction import Cylinder
+from cylinder_friction.recordings.checks.limits import load_of
 from cylinder_friction_monitoring.trends.moments import corrected, utc_time
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan, LoadMode, MonitorPlan
 
@@ -45,7 +46,7 @@ class FleetCylinder:
     dimensions: Dimensions
     channels: Path | None = None  # Mapping of channels; None guesses it
     model: str = ""  # Folder of a saved estimator, or models:/NAME@ALIAS; empty without a model
-    load: LoadMode | None = None  # None takes the load from the mapping
+    load: str | float | None = None  # As in ``estimate_logs``; None takes the load from the mapping
     names: str | None = None  # Pattern for a log's path with ``condition`` and ``session``; None: one session per log
     units: Mapping[str, str] = field(default_factory=dict)
     sensor_class: float | None = None  # Accuracy of pressure sensors if it is not mapped [± % of full scale]
@@ -64,6 +65,8 @@ class FleetCylinder:
         self.cylinder("this")  # refuse impossible dimensions
         self.monitor_plan()
         self.indicator_plan("none")
+        if self.load is not None:
+            load_of(self.load)
         for session, stated in self.starts.items():
             corrected("", stated, f"starts: {session}")
         if self.late != "accept" and not (math.isfinite(self.late) and self.late >= 0.0):

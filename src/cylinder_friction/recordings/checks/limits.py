@@ -3,10 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Self, get_args
+from typing import Literal, Self, cast, get_args
+
+import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.recording import RecordingError, expect
+from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.line_loss import RECTANGULAR
+from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty, expect
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,40 @@ class StatedLoad:
     def in_words(self) -> str:
         return f"{self.force_n:g} ± {self.within_n:g} N, as stated"
 
+    def added(self, recording: Recording) -> Recording:
+        """Add the load to a recording as if a load cell read it; refuse a recording with another load."""
+        if LOAD_FORCE in recording.columns and np.any(recording.column(LOAD_FORCE) != self.force_n):
+            raise RecordingError(
+                f"recording {recording.name!r}: a load of {self.force_n:g} N is stated, but {LOAD_FORCE} is "
+                "another; leave one out"
+            )
+        own = SensorUncertainty(RECTANGULAR * self.within_n, 0.0)
+        uncertainty = {**recording.metadata.uncertainty, LOAD_FORCE: own}
+        loaded = recording.with_columns(load_force_n=np.full(len(recording), self.force_n))
+        return loaded.described(load=self.in_words(), uncertainty=uncertainty)
+
 
 LoadMode = Literal["none", "measured", "position"]
 """Load of the cylinder: none, measured as ``load_force_n``, or a function of position."""
 Load = LoadMode | StatedLoad
+GivenLoad = str | float | StatedLoad
+"""A load as people state it: a ``LoadMode``, ``StatedLoad``, or text or number of newtons; ``load_of`` reads it."""
+
+
+def load_of(given: GivenLoad) -> Load:
+    """Read how the load is known, or the constant load itself, as options, mappings and arguments state it.
+
+    Raises:
+        RecordingError: It is neither.
+
+    Example:
+        >>> from cylinder_friction.recordings.checks.limits import load_of
+        >>> load_of("measured"), load_of("-7848+-40"), load_of(4218)
+        ('measured', StatedLoad(force_n=-7848.0, within_n=40.0), StatedLoad(force_n=4218.0, within_n=0.0))
+    """
+    if isinstance(given, StatedLoad):
+        return given
+    return cast("LoadMode", given) if given in get_args(LoadMode) else StatedLoad.parsed(str(given))
 
 
 @dataclass(frozen=True, kw_only=True)
