@@ -41,7 +41,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory, labelled_recordings: list[Rec
 def test_it_is_the_label(tmp_path: Path, logs: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS)
     assert [each.name for each in result.recordings] == [each.name for each in labelled_recordings[:4]]
-    assert result.bounds.startswith("none: nothing is stated about the sensors, so that their zeros are not identified")
+    assert result.bounds.startswith("none: the accuracy of pressure_1_pa, pressure_2_pa is not stated, so that the")
     assert "pressure_2_pa ± 0.5 % of 250 bar) would mean ± 577 N" in result.bounds
     assert result.refused == []
     for recording in labelled_recordings[:4]:
@@ -171,6 +171,30 @@ def test_logs_at_another_rate_are_resampled_to_the_models(
     written = read_recording(tmp_path / "out/slow.parquet")
     assert written.sample_time_s == small_hybrid.sample_time_s
     assert result.recordings[0].rows == pytest.approx(len(recording), abs=2)
+
+
+def test_a_class_of_sensors_gives_bounds_with_a_load_cell_too(
+    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    """Friction is held although the pressure sensor and the load cell are off by most of what is assumed."""
+    recording, load_n, cell_off_n = labelled_recordings[0], 7848.0, -350.0
+    loaded_pa = recording.column("pressure_1_pa") + load_n / cylinder.piston_area_m2
+    log = write_log(tmp_path / "log.csv", recording.with_columns(pressure_1_pa=loaded_pa), zero_bar=1.1)
+    noise_n = np.random.default_rng(0).normal(0.0, 5.0, len(recording))
+    pd.read_csv(log).assign(F=(load_n + cell_off_n + noise_n) / 1e3).to_csv(log, index=False)
+    cell = CHANNELS | {"load_force_n": {"channel": "F", "unit": "kN"}}
+    silent = estimate_logs(log, cylinder, tmp_path / "silent", channels=cell)
+    assert silent.bounds.startswith("none: the accuracy of load_force_n, pressure_1_pa, pressure_2_pa is not")
+    assert "load_force_n ± 0.5 % of 77931 N (what the piston exerts at 250 bar)) would mean ± 732 N" in silent.bounds
+    one_lacks = STATED | {"load_force_n": cell["load_force_n"]}
+    result = estimate_logs(log, cylinder, tmp_path / "one", channels=one_lacks)
+    assert result.bounds.startswith("none: the accuracy of load_force_n is not stated")
+    result = estimate_logs(log, cylinder, tmp_path / "out", channels=cell, sensor_class=0.5)
+    assert "assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa" in result.bounds
+    found, usable = read_recording(tmp_path / "out/log.parquet"), recording.usable()
+    lower_n, upper_n, true_n = found.column("lower_n"), found.column("upper_n"), recording.column("friction_n")
+    assert np.abs(found.column("friction_n") - true_n)[usable].mean() > 500.0
+    assert ((lower_n <= true_n) & (true_n <= upper_n))[found.usable()].mean() > 0.9
 
 
 def test_a_load_by_position_comes_off(tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:

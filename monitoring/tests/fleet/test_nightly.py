@@ -79,9 +79,7 @@ def with_own(fleet: Fleet, name: str, **own: Any) -> Fleet:
     return Fleet({**fleet.cylinders, name: replace(fleet.cylinders[name], **own)})
 
 
-def test_a_weighed_load_is_subtracted(
-    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
+def test_a_weighed_load_is_subtracted(tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     pressure_pa = labelled_recordings[0].column("pressure_1_pa")
     hung = labelled_recordings[0].with_columns(pressure_1_pa=pressure_pa + 7848.0 / cylinder.piston_area_m2)
     write_session(tmp_path / "logs/hung/2026-03-01.csv", hung)

@@ -60,8 +60,8 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
     words = (
-        "accuracy of pressure sensors that state none, as the limit of their error, ± %% of full scale; 0.5 is "
-        "typical; default: unknown"
+        "accuracy of pressure sensors and a load cell that state none, as the limit of their error, ± %% of full "
+        "scale; 0.5 is typical; default: unknown"
     )
     parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)
     words = "what the cylinder carries, a weighed load [N] as 4218, 4218+-40 or, pulling, -1500; default: as mapped"

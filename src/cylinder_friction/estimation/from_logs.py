@@ -51,7 +51,7 @@ from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.recordings.checks.limits import GivenLoad
-from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.conversion import SeenRecordings, logged_files, overlaps_in_words
 from cylinder_friction.recordings.logs import ROWS_AT_ONCE, Logs, find_logs
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
@@ -262,12 +262,13 @@ def _bounds_in_words(run: LabelledLogs, results: Sequence[Result], offsets: Iter
         return f"{LABEL_BOUNDS}{but}{assumed and '; '}{assumed}"
     typical = run.logs.with_sensor_class(TYPICAL_CLASS)
     if not typical.assumed:
-        return "none: the accuracy of a force sensor is not stated (sensor.accuracy_percent in the mapping)"
-    zeros = sensor_uncertainty(typical.recipe.channels)
-    areas = run.cylinder.piston_area_m2, run.cylinder.annulus_area_m2
-    zeros_n = [area * zeros[name].zero for name, area in zip(PRESSURES, areas, strict=True) if name in zeros]
+        return f"none: the accuracy of {DRIVE_FORCE} is not stated (sensor.accuracy_percent in the mapping)"
+    zeros, stated = (sensor_uncertainty(each.recipe.channels) for each in (typical, run.logs))
+    areas = {PRESSURES[0]: run.cylinder.piston_area_m2, PRESSURES[1]: run.cylinder.annulus_area_m2, LOAD_FORCE: 1.0}
+    zeros_n = [area * zeros[name].zero for name, area in areas.items() if name in zeros]
     return (
-        "none: nothing is stated about the sensors, so that their zeros are not identified, and friction may be off by "
+        f"none: the accuracy of {', '.join(sorted(zeros.keys() & areas.keys() - stated.keys()))} is not stated, so "
+        "that the sensors' zeros are not identified, and friction may be off by "
         f"them. State sensor.accuracy_percent in the mapping, or accept what is typical: --sensor-class "
         f"{TYPICAL_CLASS:g} ({typical.assumed.partition(': ')[2]}) would mean "
         f"± {COVERAGE_FACTOR * math.hypot(*zeros_n):.0f} N"

@@ -34,6 +34,7 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITI
 from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.line_loss import BAR_PA
 from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
     SensorScale,
@@ -207,18 +208,30 @@ class Logs:
     inputs: tuple[Path, ...] = ()  # Everything that was read or is to be read: files, folders and mapping
 
     def with_sensor_class(self, percent: float | None) -> Logs:
-        """Assume this class of pressure sensors if their accuracy is not stated."""
+        """Assume this class of pressure sensors and load cell if their accuracy is not stated.
+
+        A load cell without a stated range is assumed to read what the piston exerts at ``FULL_SCALE_BAR``, either way.
+        """
         if percent is None:
             return self
         if not 0.0 < percent <= 100.0:
             raise RecordingError(f"sensor class: got {percent:g}, expected a number above 0, at most 100 (% of range)")
         channels, assumed = dict(self.recipe.channels), list[str]()
-        for column in PRESSURES:
+        piston_n = BAR_PA * FULL_SCALE_BAR * self.recipe.limits.cylinder.piston_area_m2
+        for column in (*PRESSURES, LOAD_FORCE):
             sensor = channels[column].sensor or SensorScale() if column in channels else None
-            if sensor is not None and sensor.accuracy_percent is None:
-                sensor = sensor if sensor.unit else replace(sensor, range=(0.0, FULL_SCALE_BAR), unit="bar")
-                channels[column] = replace(channels[column], sensor=replace(sensor, accuracy_percent=percent))
-                assumed.append(f"{column} ± {percent:g} % of {sensor.full_scale:g} {sensor.unit}")
+            if sensor is None or sensor.accuracy_percent is not None:
+                continue
+            own_percent, full_scale = percent, f"{sensor.full_scale:g} {sensor.unit}"
+            if not sensor.unit and column == LOAD_FORCE:
+                sensor = replace(sensor, range=(-piston_n, piston_n), unit="N")
+                own_percent = percent / 2.0  # the range is twice the full scale, as it has both signs
+                full_scale = f"{piston_n:.0f} N (what the piston exerts at {FULL_SCALE_BAR:g} bar)"
+            elif not sensor.unit:
+                sensor = replace(sensor, range=(0.0, FULL_SCALE_BAR), unit="bar")
+                full_scale = f"{FULL_SCALE_BAR:g} bar"
+            channels[column] = replace(channels[column], sensor=replace(sensor, accuracy_percent=own_percent))
+            assumed.append(f"{column} ± {percent:g} % of {full_scale}")
         words = f"assumed, not stated: {', '.join(assumed)}" if assumed else ""
         return replace(self, recipe=replace(self.recipe, channels=channels), assumed=words)
 

@@ -63,8 +63,9 @@ def read_recordings(
             ``measured`` if ``load_force_n`` is mapped, else ``none``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
-        sensor_class: Accuracy of the pressure sensors [± % of full scale] if ``channels`` states none. Full scale is
-            250 bar if their range is not stated either. None assumes nothing.
+        sensor_class: Accuracy of pressure sensors and load cell [± % of full scale] if ``channels`` states none. If
+            their range is not stated either, full scale is 250 bar, and what the piston exerts at 250 bar. None
+            assumes nothing.
         database: DBC file of the bus, for measurement files that contain CAN frames.
 
     Raises:

@@ -49,7 +49,7 @@ class FleetCylinder:
     load: str | float | None = None  # As in ``estimate_logs``; None takes the load from the mapping
     names: str | None = None  # Pattern for a log's path with ``condition`` and ``session``; None: one session per log
     units: Mapping[str, str] = field(default_factory=dict)
-    sensor_class: float | None = None  # Accuracy of pressure sensors if it is not mapped [± % of full scale]
+    sensor_class: float | None = None  # Accuracy of sensors if it is not mapped [± % of full scale]
     bulk_modulus_pa: float = IndicatorPlan.bulk_modulus_pa
     dead_volume_m3: float = IndicatorPlan.dead_volume_m3
     limit_percent: Mapping[str, float] = field(default_factory=dict)
