@@ -17,7 +17,9 @@ OUTCOMES = ("named", "wider", "refused", "wrong", "held")
 
 
 def rows() -> list[list[str]]:
-    table = REGISTER.read_text(encoding="utf-8").split("<!-- assumptions: begin -->")[1].split("<!-- assumptions: end")[0]
+    table = (
+        REGISTER.read_text(encoding="utf-8").split("<!-- assumptions: begin -->")[1].split("<!-- assumptions: end")[0]
+    )
     lines = [line for line in table.splitlines() if line.startswith("|")][2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
