@@ -211,6 +211,11 @@ def intervals_of(
         truth_n = made.own(each.name)[0].truth["friction_n"].to_numpy()[: len(each)]
         within = (each.column("lower_n") <= truth_n) & (truth_n <= each.column("upper_n"))
         yield "label", 100.0 * float(within[each.usable()].mean())
+        half_n = 0.5 * (each.column("upper_n") - each.column("lower_n"))[each.usable()]
+        yield (
+            "label, half width over friction in %",
+            100.0 * float(half_n.mean() / np.abs(truth_n[each.usable()]).mean()),
+        )
         used.append(each)
     if not used:
         return
