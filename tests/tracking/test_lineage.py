@@ -77,9 +77,9 @@ def test_a_model_that_was_served_is_unchanged(pipeline: Path, monkeypatch: pytes
 @pytest.mark.parametrize(
     ("uri", "message"),
     [
-        ("models:/friction-estimator@challenger", "has no such version"),
-        ("models:/friction-estimator/7", "has no such version"),
-        ("models:/other@champion", "has no such version"),
+        ("models:/friction-estimator@challenger", "has no such version .*; it has versions 1: name one"),
+        ("models:/friction-estimator/7", "`cylinder-friction promote VERSION friction-estimator` makes"),
+        ("models:/other@champion", "run `dvc repro` or, if it has nothing left to run, `cylinder-friction"),
         ("friction-estimator", "names no registered model; expected models:/<name>@<alias>"),
     ],
 )

@@ -104,7 +104,7 @@ def test_a_rollback_goes_to_any_version_and_back_and_to_nothing_else(pipeline: P
     for name, to, message in (
         (NAME, None, f"no previous champion is known; {versions_of}"),
         (NAME, 7, f"friction-estimator: there is no version 7; {versions_of}"),
-        ("other", None, "other: the registry at .* has no version of it; expected a registered model"),
+        ("other", None, "other: the registry at .* has no version of it; run `dvc repro` or, if it has "),
     ):
         with pytest.raises(TrackingError, match=message):
             move_champion(pipeline, name, to)

@@ -1,17 +1,21 @@
 """Where runs go: one place a repository, whoever writes and from wherever."""
 
 import shutil
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 
 import pytest
+from alembic import command
+from mlflow.store.db.utils import _get_alembic_config
 
-from candidates import registered_in
+from candidates import champion, registered_in
+from copied_stores import copied
 from cylinder_friction.commands.cli import main
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.registry import move_champion, track
@@ -172,3 +176,34 @@ def test_a_damaged_own_store_is_not_blamed_on_a_variable(root: Path) -> None:
         pass
     assert "move it away, and `cylinder-friction track` makes one from the res" in str(found.value)
     assert "MLFLOW_TRACKING_URI" not in str(found.value)
+
+
+def test_a_store_of_an_older_mlflow_opens_and_keeps_the_champion(
+    with_champion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    root = copied(with_champion, tmp_path / "repository")
+    command.downgrade(_get_alembic_config(tracking_uri(root)), "-1")
+    assert lineage("models:/friction-estimator@champion", root).holds
+
+
+def test_a_store_of_a_newer_mlflow_is_not_to_be_moved_away(
+    with_champion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    root = copied(with_champion, tmp_path / "repository")
+
+    def made_by(schema: str) -> str:
+        with closing(sqlite3.connect(root / "mlflow.db")) as database, database:
+            (before,) = database.execute("SELECT version_num FROM alembic_version").fetchone()
+            database.execute("UPDATE alembic_version SET version_num = ?", (schema,))
+        return str(before)
+
+    ours = made_by("f00d00000000")
+    with pytest.raises(TrackingError) as found:
+        lineage("models:/friction-estimator@champion", root)
+    assert "another version of MLflow made it; if that was newer, install it" in str(found.value)
+    assert f"run `mlflow db upgrade {tracking_uri(root)}`" in str(found.value)
+    assert "move it away" not in str(found.value)
+    made_by(ours)  # as with that version installed
+    assert champion(root) == "1"

@@ -58,8 +58,12 @@ def test_tracking_leaves_what_a_person_did_to_the_registry(registered_pipeline: 
     track(root)
     assert client.get_registered_model(NAME).aliases == {}
     client.delete_model_version(NAME, "2")
-    assert track(root).version.endswith("has no version of models/hybrid: it was removed from the registry")
+    gone = "has no version of models/hybrid: it was removed from the registry; to have it again, run"
+    assert f"{gone} `cylinder-friction stage register`" in track(root).version
     assert [one.version for one in versions(root)] == [1]
+    registered_in(root, {"1": 1.0, "2": 1.0})  # as that command does
+    assert [str(one.version) for one in versions(root)] == ["1", "3"]
+    assert champion(root) == "3"
 
 
 def test_tracking_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> None:
@@ -96,8 +100,14 @@ def test_artifacts_that_are_gone_are_named(registered_pipeline: Path) -> None:
     root = registered_pipeline
     shutil.rmtree(root / "mlartifacts/models")
     assert "version 1 (champion): its files are not at file:///" in track(root).version
-    with pytest.raises(TrackingError, match="restore them from a backup, or delete the version and run"):
+    way = "or delete the version in the MLflow UI and run `cylinder-friction stage register`"
+    with pytest.raises(TrackingError, match=way):
         registered_in(root)
+    assert way in lineage(f"models:/{NAME}@champion", root).links["files"][1]
+    MlflowClient(tracking_uri(root)).delete_model_version(NAME, "1")
+    registered_in(root)
+    assert champion(root) == "2"
+    assert lineage(f"models:/{NAME}@champion", root).holds
 
 
 def test_files_that_are_links_into_dvcs_cache_are_logged_and_registered(pipeline: Path) -> None:

@@ -23,6 +23,9 @@ from cylinder_friction.wording import in_brief, printable
 REASON, FILES = "reason", "hash_files"  # Tags of a version: why it was promoted or refused; the hash of its files
 WRITTEN_ON_LOADING = "registered_model_meta"
 """File that MLflow adds to a model when it loads the model by its registered name; the hash leaves the file out."""
+REGISTER_AGAIN = "`cylinder-friction stage register`, which registers the present results"
+"""Command for a version that was deleted: `dvc repro` finds nothing to run then."""
+LOST = f"restore them from a backup, or delete the version in the MLflow UI and run {REGISTER_AGAIN}"
 EVALUATING_SECTIONS = ("recipe", "lugre", "compare", "register")
 """Sections of the parameters that do not shape the model; all other sections belong to its origin."""
 
@@ -45,10 +48,20 @@ def version_of(store: Store, uri: str) -> ModelVersion:
     try:
         return client.get_model_version_by_alias(name, which) if kind == "@" else client.get_model_version(name, which)
     except MlflowException as error:
-        way = "run `dvc repro`, or after `dvc pull` `cylinder-friction track` and `cylinder-friction promote VERSION`"
         raise TrackingError(
-            f"{uri}: the registry at {store.uri} has no such version ({error.message}); {way}"
+            f"{uri}: the registry at {store.uri} has no such version ({error.message}); {way_to_a_version(store, name)}"
         ) from error
+
+
+def way_to_a_version(store: Store, name: str) -> str:
+    """Advise in words how a registered model gets a version, or which of its versions there are."""
+    way = f"run `dvc repro` or, if it has nothing left to run, {REGISTER_AGAIN}"
+    found = store.client.search_model_versions(f"name = '{name}'")
+    if not found:
+        return way
+    numbers = ", ".join(map(str, sorted(int(each.version) for each in found)))
+    promote = f"`cylinder-friction promote VERSION {name}` makes one the champion"
+    return f"it has versions {numbers}: name one, or {promote}; for a new one {way}"
 
 
 def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
@@ -62,7 +75,7 @@ def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
         return Path(artifacts.download_artifacts(location, dst_path=str(folder), tracking_uri=store.uri))
     except Exception as error:  # each kind of storage raises its own errors
         where = f"{version.name} version {version.version}: its files at {version.source}"
-        raise TrackingError(f"{where} cannot be read ({in_brief(error)})") from error
+        raise TrackingError(f"{where} cannot be read ({in_brief(error)}); if they are lost, {LOST}") from error
 
 
 def download_estimator(store: Store, version: ModelVersion, folder: Path) -> Path:

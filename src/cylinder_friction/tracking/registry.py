@@ -26,7 +26,15 @@ from cylinder_friction.execution.measuring import now_ms
 from cylinder_friction.files.whole_files import hash_of, read_json
 from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord, records_in
 from cylinder_friction.tracking.gate import Candidate, Errors, decide
-from cylinder_friction.tracking.lineage import FILES, REASON, WRITTEN_ON_LOADING, download_estimator
+from cylinder_friction.tracking.lineage import (
+    FILES,
+    LOST,
+    REASON,
+    REGISTER_AGAIN,
+    WRITTEN_ON_LOADING,
+    download_estimator,
+    way_to_a_version,
+)
 from cylinder_friction.tracking.log_run import allowed, find_run, log_in, log_pipeline
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
@@ -209,7 +217,8 @@ def _recorded_version(store: Store, decided: Candidate, root: Path, make: bool) 
         _write_grounds(store, found, decided)
         _tag(store, found, {_DECISION: "promoted" if decided.promote else "refused"})
     if found is None:
-        return f"{name} has no version of {decided.folder}: it was removed from the registry"
+        gone = f"{name} has no version of {decided.folder}: it was removed from the registry"
+        return f"{gone}; to have it again, run {REGISTER_AGAIN}"
     other = f"not {ALIAS}; `cylinder-friction promote {found.version} {name}` makes it {ALIAS}"
     words = f"{name} version {found.version} ({ALIAS if _champion(store, name) == int(found.version) else other})"
     return ": ".join(filter(None, [words, _lost_files(store, found)]))
@@ -227,9 +236,8 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
     with open_store(root, create=False) as store:
         found, champion = _versions(store, name), _champion(store, name)
         if not found:
-            raise TrackingError(
-                f"{name}: the registry at {store.uri} has no version of it; expected a registered model"
-            )
+            way = way_to_a_version(store, name)
+            raise TrackingError(f"{name}: the registry at {store.uri} has no version of it; {way}")
         served = [n for n, each in found.items() if _PROMOTED in each.tags and _ROLLED_BACK not in each.tags]
         number = max((n for n in served if n < champion), default=0) if to is None else to
         if number not in found:
@@ -259,8 +267,7 @@ def _lost_files(store: Store, version: ModelVersion) -> str:
     if store.client.list_logged_model_artifacts(str(version.source).removeprefix("models:/")):
         return ""
     where = store.client.get_model_version_download_uri(version.name, version.version)
-    way = "restore them from a backup, or delete the version and run `cylinder-friction track`, which makes it anew"
-    return f"its files are not at {where}; {way}"
+    return f"its files are not at {where}; {LOST}"
 
 
 def _champion(store: Store, name: str) -> int:

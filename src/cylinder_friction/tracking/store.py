@@ -71,7 +71,7 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
     """
     uri, root, given = tracking_uri(root), repository_root(root), os.environ.get(_VARIABLE)
     if uri.startswith("sqlite:") and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
-        way = "run `dvc repro`, or `cylinder-friction track` if the results came from DVC, in the project's folder"
+        way = "run `dvc repro`, or `cylinder-friction track` if the results are there already, in the project's folder"
         raise TrackingError(f"{uri}: there is no such store; {way}")  # MLflow would make an empty database
     with ExitStack() as stack:
         stack.callback(os.environ.update, {_VARIABLE: given} if given else {})
@@ -85,18 +85,31 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
             if create and not given and found and found.artifact_location != artifact_folder(root).as_uri():
                 raise TrackingError(f"the repository was moved or copied from {found.artifact_location}")
         except Exception as error:  # from the server, its database driver or a file
-            advice = (
-                f"start the server, correct {_VARIABLE} or the login in ~/.mlflow/credentials, or unset the variable "
-                "to use the repository's own store"
-                if given
-                else "move it away, and `cylinder-friction track` makes one from the results"
-            )
             why = in_brief(error, 400)
+            advice = _advice(why, uri, bool(given))
             raise TrackingError(f"{uri} is no MLflow store that can be opened ({why}); {advice}") from error
         try:
             yield store
         except MlflowException as error:
             raise TrackingError(f"{uri}: MLflow refused a request ({in_brief(error)})") from error
+
+
+def _advice(why: str, uri: str, given: bool) -> str:
+    """Advise what to do about a store that cannot be opened."""
+    if "mlflow db upgrade" in why:
+        return (
+            "another version of MLflow made it; if that was newer, install it; if it was older, copy the database and "
+            f"run `mlflow db upgrade {uri}`; both keep runs and promotions"
+        )
+    if given:
+        return (
+            f"start the server, correct {_VARIABLE} or the login in ~/.mlflow/credentials, or unset the variable "
+            "to use the repository's own store"
+        )
+    return (
+        "move it away, and `cylinder-friction track` makes one from the results, whose versions are not promoted: "
+        "`cylinder-friction promote VERSION` makes one the champion"
+    )
 
 
 def _make_whole(root: Path) -> None:
