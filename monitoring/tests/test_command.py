@@ -56,7 +56,7 @@ def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytes
     entry = json.loads((folder / "health/entries.jsonl").read_text())
     assert (entry["name"], entry["time"], entry["words"]) == ("Kim", "2026-03-02T10:00Z", "rod seal changed")
     capsys.readouterr()
-    belong = "--name, --words, --time, --until, --of and --confirm belong to an entry; give --entry CYLINDER KIND"
+    belong = "--name, --words, --time, --until and --of belong to an entry; give --entry CYLINDER KIND"
     for wrong, words in (
         (["--entry", "c", "service", "--name", "Kim"], "entry: unknown cylinder 'c'; expected one of a, b"),
         (["--name", "Kim"], belong),
@@ -68,19 +68,18 @@ def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytes
     assert len((folder / "health/entries.jsonl").read_text().splitlines()) == 1
 
 
-def test_an_entry_far_from_all_sessions_asks_and_is_withdrawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_entry_of_a_mistyped_year_is_asked_about_and_withdrawn(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["monitor", "logs"]) == 0
-    service = ["monitor", "--entry", "a", "service", "--name", "Kim", "--words", "rod seal changed", "--time"]
+    service = ["monitor", "--entry", "a", "service", "--name", "Kim", "--words", "rod seal changed"]
+    assert main([*service, "--time", "2226-03-02"]) == 0
+    question = "is the date right? the service of 2226-03-02 (entered by Kim) has not come"
+    assert question in unpacked_pane(folder / "health/panes/a.js")
+    capsys.readouterr()
     withdraw = ["monitor", "--entry", "a", "withdraw", "--name", "Lee", "--of", "service"]
-    advice = "state when it was with --time, or add --confirm if the time is right"
     why, known = ("--words", "a mistyped year"), "of which these are in force: service 2226-03-02T00:00:00.000Z"
     for given, refusal in (
-        ((*service, "2226-03-02"), f"time: 2226-03-02 has not come; {advice}"),
-        (
-            (*service, "2016-03-02"),
-            f"time: 2016-03-02 is 3651 days before the nearest session, of 2026-03-01; {advice}",
-        ),
-        ((*service, "2226-03-02", "--confirm"), ""),
         ((*withdraw, "2226-03-02"), "no reason; state why the entry is withdrawn, with --words"),
         ((*withdraw, "2225", *why), f"--of service 2225: expected the kind and time of one entry of a, {known}"),
         ((*withdraw, "2226-03-02", *why), ""),

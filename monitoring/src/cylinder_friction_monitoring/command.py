@@ -27,7 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--until", help="of acknowledge: when the alarm returns, such as 2026-06-01")
     words = "of withdraw: kind and time of the entry to withdraw, such as service 2026-03-01"
     add("--of", nargs=2, metavar=("KIND", "TIME"), help=words)
-    add("--confirm", action="store_true", help="the entry's time is right, though far from all sessions")
     words = "simulate a fleet into a folder, with its fleet.yaml, and monitor that; a few minutes"
     add("--demo", type=Path, metavar="FOLDER", help=words)
     add("--track", action="store_true", help="log sessions and baselines to MLflow")

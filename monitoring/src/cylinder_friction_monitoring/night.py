@@ -10,13 +10,12 @@ from pathlib import Path
 
 from cylinder_friction_monitoring.fleet.database import update_database
 from cylinder_friction_monitoring.fleet.demonstration import write_demonstration
-from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of, refuse_far
-from cylinder_friction_monitoring.fleet.files import read_or_name, session_file, state_file
+from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of
+from cylinder_friction_monitoring.fleet.files import session_file, state_file
 from cylinder_friction_monitoring.fleet.fleet_file import REGISTERED, load_fleet
 from cylinder_friction_monitoring.fleet.nightly import PAGE_FILE, FleetHealth, monitor_fleet
 from cylinder_friction_monitoring.fleet.plan import Fleet
 from cylinder_friction_monitoring.fleet.processes import cores
-from cylinder_friction_monitoring.fleet.sessions import session_starts
 from cylinder_friction_monitoring.trends.assessment import Entry
 
 MANY_CYLINDERS = 8  # Fewest cylinders for which more than one process is faster
@@ -45,17 +44,14 @@ def run(options: argparse.Namespace) -> int:
 def _enter(options: argparse.Namespace, fleet: Fleet, now: datetime) -> None:
     """Add the entry that the options state, if any."""
     if not options.entry:
-        if any((options.name, options.words, options.time, options.until, options.of, options.confirm)):
-            given = "--name, --words, --time, --until, --of and --confirm"
+        if any((options.name, options.words, options.time, options.until, options.of)):
+            given = "--name, --words, --time, --until and --of"
             raise ValueError(f"{given} belong to an entry; give --entry CYLINDER KIND as well")
         return
     cylinder, kind = options.entry
     time = options.time or now.isoformat(timespec="seconds").replace("+00:00", "Z")
     of = " ".join(options.of or ())
     entry = Entry(cylinder, time, options.name, kind, options.words, options.until or "", of)
-    if cylinder in fleet.cylinders and not options.confirm:
-        starts = read_or_name(options.into, session_file(cylinder), session_starts, list[str](), "", [])
-        refuse_far(entry, starts, now)
     add_entry(options.into, entry, fleet)
 
 

@@ -232,7 +232,7 @@ def test_the_fleet_file_corrects_a_start(folder: Path, fleet: Fleet, labelled_re
     (reason,) = reasons(health)
     assert reason.startswith("b: b-2027-03-06: its log states no start, others do")  # a future one is none
     (reason, _) = reasons(run(folder, with_own(fleet, "b", starts={"b-2027-3-06": "2026-03-06T00:00Z"})))
-    words = "no session has this name; is it b-2027-03-06?; correct it in fleet.yaml"
+    words = "no session has this name; correct it in fleet.yaml"
     assert reason == f"b: starts: b-2027-3-06: {words}"
     health = run(folder, with_own(fleet, "b", starts={"b-2027-03-06": "2026-03-06T00:00Z"}))
     assert health.refused == ()

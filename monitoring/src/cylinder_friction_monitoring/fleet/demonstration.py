@@ -1,10 +1,9 @@
 """Simulate a fleet to try monitoring with: one cylinder per fate, its logs, and the files that name them."""
 
 import sys
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import yaml
 
@@ -19,12 +18,6 @@ PLAN = LifePlan(sessions=70, begins=40, takes=20)
 BASELINE_SESSIONS, FALSE_ALARMS_PER_YEAR = 36, 0.2
 """Settings of a short demonstration. A plant records more sessions and allows fewer false alarms."""
 SIMULATED = ".simulated.txt"  # Hidden, so that no run takes it for a log
-TRUTH: Mapping[str, tuple[str, Callable[[float], str]]] = {
-    "friction_factor": ("Friction", lambda factor: f"{100.0 * (factor - 1.0):+.0f} %"),
-    "leak_factor": ("Leak", lambda factor: f"{factor:.2g} times"),
-    "zero_bar": ("Zero", lambda zero_bar: f"{zero_bar:+.2f} bar"),
-}
-"""Name and format of each quantity in the truth that a fate changes."""
 CHANNELS = {
     "defaults": ["rig", "_self_"],
     "name_pattern": None,
@@ -56,23 +49,13 @@ def write_life(folder: Path, number: int, fate: str, plan: LifePlan) -> None:
     """Write the log of each session of one cylinder, named by its start, and a note on what was simulated."""
     if len(list(folder.glob("*.csv"))) == plan.sessions and (folder / SIMULATED).is_file():
         return
-    days = list[dict[str, Any]]()
-    for recording in life(Cylinder(name=fate, **DIMENSIONS), plan, number, cast("Fate", fate)):
-        days.append({"day": recording.metadata.start[:10], **{name: recording.truth[name].iloc[-1] for name in TRUTH}})
+    begins = ""
+    for day, recording in enumerate(life(Cylinder(name=fate, **DIMENSIONS), plan, number, cast("Fate", fate))):
+        if day == plan.begins and fate != "healthy":
+            begins = f"; from {recording.metadata.start[:10]} on"
         with whole_file(folder / f"{recording.metadata.start[:13]}.csv") as draft:
             recording.logger.to_csv(draft, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")
-    write_text(folder / SIMULATED, in_words(cast("Fate", fate), days, plan))
-
-
-def in_words(fate: Fate, days: list[dict[str, Any]], plan: LifePlan) -> str:
-    """Describe what was simulated: the fate, when it begins, and its progress on some days."""
-    since = days[min(plan.begins, len(days) - 1)]["day"]
-    words = [f"Simulated: {FATES[fate]}{'' if fate == 'healthy' else f'; from {since} on'}"]
-    shown = [*days[plan.begins : -1 : max(plan.takes // 2, 1)][1:], days[-1]]
-    for name, (title, text) in TRUTH.items():
-        if any(each[name] != days[0][name] for each in days):
-            words.append(f"{title}: " + ", ".join(f"{text(each[name])} on {each['day']}" for each in shown))
-    return f"{'. '.join(words)}."
+    write_text(folder / SIMULATED, f"Simulated: {FATES[cast('Fate', fate)]}{begins}.")
 
 
 def main() -> None:

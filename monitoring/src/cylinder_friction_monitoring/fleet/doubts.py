@@ -38,7 +38,7 @@ def too_late(rows: Sequence[SessionRow], before: Mapping[str, str], newest: str,
         if late == "accept" or not (row.start and newest):
             continue
         place = min(moment(before.get(row.session) or newest), moment(newest))
-        if place - moment(row.start) > timedelta(days=late):
+        if (place - moment(row.start)) / timedelta(days=1.0) > late:
             found[row.session] = (
                 f"begins at {row.start[:10]}, more than {late:g} days before a session that an earlier "
                 "night assessed: its clock was set back, or the log came late; "

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from datetime import datetime
 from pathlib import Path
 from typing import get_args
 
@@ -11,8 +10,7 @@ from cylinder_friction.files.whole_files import locked, write_text
 from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.plan import Fleet
 from cylinder_friction_monitoring.trends.assessment import Entry, EntryKind
-from cylinder_friction_monitoring.trends.in_force import NEAR_D, NEW_BASELINE
-from cylinder_friction_monitoring.trends.moments import moment, utc_time
+from cylinder_friction_monitoring.trends.moments import utc_time
 
 ENTRIES_FILE = "entries.jsonl"  # One entry per line, in the order in which they were added
 FLEET_FILE = "fleet.yaml"  # The name (author) of entries from the fleet file
@@ -44,27 +42,6 @@ def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
         stated = asdict(replace(entry, until=until, withdraws=withdraws))
         kept = {name: value for name, value in stated.items() if value or name == "words"}
         write_text(path, f"{text}{json.dumps(kept, sort_keys=True, ensure_ascii=False)}\n")
-
-
-def refuse_far(entry: Entry, starts: Sequence[str], now: datetime) -> None:
-    """Refuse an entry whose time is probably mistyped: it is in the future, or far from all sessions (``starts``).
-
-    Acknowledgements, comments and withdrawals may be much later than the newest session.
-    """
-    time = moment(utc_time(entry.time, "entry: time"))
-    times = [moment(start) for start in starts]
-    nearest = min(times, key=lambda each: abs(each - time), default=None)
-    problem = ""
-    if time > now:
-        problem = "has not come"
-    elif nearest is not None and abs(nearest - time).total_seconds() > 86400.0 * NEAR_D:
-        days = abs(nearest - time).days
-        problem = f"is {days} days {'after' if time > nearest else 'before'} the nearest session, of {nearest:%Y-%m-%d}"
-        problem = "" if time > max(times) and entry.kind not in NEW_BASELINE else problem
-    if problem:
-        raise MonitoringError(
-            f"entry: time: {entry.time} {problem}; state when it was with --time, or add --confirm if the time is right"
-        )
 
 
 def entries_of(folder: Path, fleet: Fleet, damaged: list[Refused] | None = None) -> dict[str, list[Entry]]:

@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
-from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -194,9 +193,9 @@ class CylinderRun:
         self, placed: Sequence[SessionRow], kept: Mapping[str, KeptRow], earlier: Earlier | None
     ) -> dict[str, str]:
         """State by session why it came too late; what the fleet file corrects is not too late."""
-        were_late = {*earlier.late} if earlier else set[str]()
-        stay = {name: each for name, each in kept.items() if not each.late and name not in were_late}
-        before = {name: each.placed or each.row.start for name, each in stay.items()}
+        late = earlier.late if earlier else ()
+        stay = (each for name, each in kept.items() if not each.late and name not in late)
+        before = {each.row.session: each.placed or each.row.start for each in stay}
         newest = earlier.line.last_start if earlier else max(before.values(), default="")
         new = [row for row in placed if not stated_start(row.session, self.owned.starts)]
         return too_late(new, before, newest, self.owned.late)
@@ -260,8 +259,4 @@ class CylinderRun:
 def _unknown_starts(starts: Mapping[str, str], sessions: Sequence[str]) -> dict[str, str]:
     """Explain each key of ``starts`` that names no session."""
     unknown = [each for each in starts if not any(stated_start(session, {each: each}) for session in sessions)]
-    close = {each: get_close_matches(each, sessions, 1) for each in unknown}
-    similar = {each: f"; is it {names[0]}?" if names else "" for each, names in close.items()}
-    return {
-        f"starts: {each}": f"no session has this name{it}; correct it in fleet.yaml" for each, it in similar.items()
-    }
+    return {f"starts: {each}": "no session has this name; correct it in fleet.yaml" for each in unknown}

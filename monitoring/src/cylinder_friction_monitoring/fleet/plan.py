@@ -1,18 +1,19 @@
 """A fleet as its owner describes it: the cylinders, and how a log names its cylinder."""
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from pydantic import NonNegativeFloat
+
 from cylinder_friction import Cylinder
 from cylinder_friction.recordings.checks.limits import load_of
 from cylinder_friction_monitoring.trends.moments import corrected, utc_time
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan, LoadMode, MonitorPlan
 
-Late = float | Literal["accept"]
+Late = NonNegativeFloat | Literal["accept"]
 """By how many days a log may come late, or ``accept`` to take late logs as they are dated."""
 _NAME = re.compile(r"[^\W_][\w .+-]{0,79}")
 
@@ -69,8 +70,6 @@ class FleetCylinder:
             load_of(self.load)
         for session, stated in self.starts.items():
             corrected("", stated, f"starts: {session}")
-        if self.late != "accept" and not (math.isfinite(self.late) and self.late >= 0.0):
-            raise ValueError(f"late: expected a number of days or accept, but got {self.late}")
 
     def indicator_plan(self, load: LoadMode) -> IndicatorPlan:
         """Return the settings of its indicators."""

@@ -119,12 +119,6 @@ def read_rows(path: Path) -> dict[str, KeptRow]:
     return {each.row.session: each for each in rows}
 
 
-def session_starts(path: Path) -> list[str]:
-    """Read when the assessed sessions of a cylinder's table began."""
-    rows = pq.read_table(path, columns=["start", "left_out"], use_threads=False).to_pylist()
-    return [row["start"] for row in rows if row["start"] and not row["left_out"]]
-
-
 def numbers() -> list[str]:
     """List the numeric columns of the table."""
     parts = ("", "_uncertainty", *(f"_{part}" for part in TESTED))

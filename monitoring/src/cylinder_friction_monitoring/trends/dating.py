@@ -1,6 +1,6 @@
 """Date a change by fitting shapes after the alarm, and determine its size from the latest sessions."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,10 @@ WINDOWS = (0, 7, 15, 30, 60)
 """Numbers of sessions after the alarm that date a change. After the last number, its date is final."""
 UNUSUAL = 1.0
 """Largest deviation of a window's sessions from the best shape at which the window counts [standard deviations]."""
-LATEST, LEAST_TREND = 60, 10  # Most sessions for the present change, and fewest for its rate
+LATEST = 60  # Most sessions that show the present change and its rate
+LEAST_TREND = 10  # Fewest sessions since a change begins that show its rate
+LAST_PART = 4  # Fewest sessions that show that a change has stopped, or goes on faster or slower
+LEVEL = 1e-4  # Standard deviation of the slope of a line that is level, as a share of that of any other
 
 
 @dataclass(frozen=True)
@@ -28,29 +31,27 @@ class Dated:
     step: bool  # Whether a step explains it better than a ramp
     change: float  # Present change
     change_interval: tuple[float, float]  # 95 % interval, including the uncertainty of expected values
-    slope: float | None  # Present slope per session; None without a clear trend
-    slope_interval: tuple[float, float] | None  # 95 % interval
+    slope: float | None = None  # Present slope per day; None while too few sessions show it
+    slope_interval: tuple[float, float] | None = None  # 95 % interval; it includes 0 unless the trend is clear
 
 
-def dated(reference: Reference, residuals: Array, expected: Array, design: Array, first: int, alarm: int) -> Dated:
+def dated(
+    reference: Reference, residuals: Array, expected: Array, design: Array, days: Array, first: int, alarm: int
+) -> Dated:
     """Date the change of residuals between session ``first`` and the ``alarm``, and determine its present size.
 
-    ``residuals`` and ``expected``, the standard uncertainty of each expected value, have shape ``(sessions,)``.
-    ``design`` holds the regressors, shape ``(sessions, coefficients)``, because later sessions refine their effects.
+    ``residuals``, ``expected`` (the standard uncertainty of each expected value) and ``days`` (when sessions began)
+    have shape ``(sessions,)``. ``design`` holds the regressors, shape ``(sessions, coefficients)``, because later
+    sessions refine their effects.
     """
     begins, interval, step = _begins(reference, residuals, design, first, alarm)
-    latest = residuals[max(begins, len(residuals) - LATEST) :]
-    sessions = np.arange(len(latest)) - len(latest) + 1.0
-    level, spread = _regression(reference, np.ones((len(latest), 1)), latest)
-    slope = slopes = None
-    if len(latest) >= LEAST_TREND:
-        line, spreads = _regression(reference, np.column_stack([np.ones(len(latest)), sessions]), latest)
-        if abs(line[1]) > Z95 * spreads[1]:
-            level, spread, slope = line, spreads, float(line[1])
-            slopes = (slope - Z95 * float(spreads[1]), slope + Z95 * float(spreads[1]))
-    wide = Z95 * float(np.hypot(spread[0], expected[-1]))
-    now = float(level[0])
-    return Dated(begins, interval, step, now, (now - wide, now + wide), slope, slopes)
+    latest = slice(max(begins, len(residuals) - LATEST), None)
+    (now, slope), (spread, slopes) = _present(reference, days[latest] - days[-1], residuals[latest])
+    wide = Z95 * float(np.hypot(spread, expected[-1]))
+    found = Dated(begins, interval, step, now, (now - wide, now + wide))
+    if len(residuals) - begins < LEAST_TREND:
+        return found
+    return replace(found, slope=slope, slope_interval=(slope - Z95 * slopes, slope + Z95 * slopes))
 
 
 def _begins(
@@ -99,14 +100,38 @@ def _losses(reference: Reference, residuals: Array, design: Array, first: int, a
     return np.array(losses), left / len(y)
 
 
-def _regression(reference: Reference, x: Array, y: Array) -> tuple[Array, Array]:
-    """Fit coefficients with standard uncertainties to residuals that have the baseline's autocorrelation."""
-    phi = reference.autocorrelation
-    first = np.sqrt(1.0 - phi**2)
-    x = np.vstack([first * x[:1], _less_before(reference, x.T).T])
-    y = np.append(first * y[:1], _less_before(reference, y))
-    covariance = np.linalg.inv(x.T @ x)
-    return covariance @ x.T @ y, reference.innovation * np.sqrt(np.diag(covariance))
+def _present(reference: Reference, days: Array, values: Array) -> tuple[list[float], list[float]]:
+    """Estimate the present change and its slope per day; return both, and their standard uncertainties.
+
+    ``days`` count back from the last session. The change is two straight lines that meet at an unknown session, and the
+    last one may be level. All such lines count by their likelihood, so that a change that has stopped includes a slope
+    of 0, and one that goes on includes that it may have stopped since a few sessions.
+    """
+    bends = days[1:-LAST_PART] if len(days) > LAST_PART + 2 else days[:1]
+    before = np.minimum(days - bends[:, None], 0.0)
+    x = _whitened(reference, np.stack(np.broadcast_arrays(1.0, days, before), axis=1))
+    y = _whitened(reference, values)
+    found_noise = 0.5 * float(np.sum(np.diff(y) ** 2)) / max(len(y), LEAST_RAMP)
+    noise = max(reference.innovation**2, found_noise)
+    size = abs(float(values[-LEAST_RAMP:].mean())) + reference.scatter
+    slopes = np.array([[LEVEL, 1.0], [1.0, 1.0]]) * 2.0 * size / max(-float(days[0]), LEAST_RAMP)
+    priors = np.column_stack([np.zeros(len(slopes)), slopes**-2.0])
+    precision = x @ x.transpose(0, 2, 1) / noise + priors[:, None, None] * np.eye(3)
+    covariance, weighted = np.linalg.inv(precision), x @ y / noise
+    found = (covariance @ weighted[..., None])[..., 0]
+    likelihood = (found * weighted).sum(axis=2) - np.linalg.slogdet(precision)[1]
+    likelihood = 0.5 * likelihood - np.log(slopes).sum(axis=1)[:, None]
+    weights = np.exp(likelihood - likelihood.max())[..., None]
+    weights /= weights.sum()
+    means = (weights * found).sum(axis=(0, 1))
+    squares = (weights * (found**2 + np.diagonal(covariance, axis1=2, axis2=3))).sum(axis=(0, 1))
+    return means[:2].tolist(), np.sqrt(np.maximum(squares - means**2, 0.0))[:2].tolist()
+
+
+def _whitened(reference: Reference, values: Array) -> Array:
+    """Subtract the part that the session before explains, and give the first session equal weight."""
+    first = np.sqrt(1.0 - reference.autocorrelation**2) * values[..., :1]
+    return np.concatenate([first, _less_before(reference, values)], axis=-1)
 
 
 def _less_before(reference: Reference, values: Array) -> Array:

@@ -72,7 +72,7 @@ def why_it_returns(test: Tested, alarm: int, found: Dated, seen: Entry, plan: Mo
     """
     count = sum(bool(row.start) and moment(row.start) <= moment(seen.time) for row in test.rows)
     limit, since = plan.limit_percent.get(test.indicator), len(test.rows) - count
-    (least, most), title = test.latest(found), INDICATORS[test.indicator].title
+    least, most, title = abs(found.change), max(map(abs, found.change_interval)), INDICATORS[test.indicator].title
     if limit is not None and most >= 0.01 * limit * abs(test.reference.level) and since >= BEYOND_LIMIT:
         return f"the limit of {limit:g} % for {title} may be passed"
     then = test.until(count).dated(alarm).change

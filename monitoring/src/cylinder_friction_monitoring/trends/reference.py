@@ -23,6 +23,9 @@ PRIORS = {OIL_TEMPERATURE: 0.005, "pressure_bar": 0.02, "speed_m_s": 10.0, "load
 """Prior standard deviation of each covariate's relative effect on friction, per unit of the covariate."""
 LEAST_KNOWN = 0.9  # Least share of the baseline's sessions with a covariate that is used
 LARGEST_AUTOCORRELATION = 0.9
+KNOTS = 5  # Number of knots of the curve that shows whether a baseline is steady
+STEADY = 5.0  # Largest movement of a steady baseline [standard deviations of a session from the curve]
+STEADY_SHORT = 45.0  # The same times the root of the number of sessions, for a short baseline
 _PASSES = 4
 
 
@@ -39,6 +42,7 @@ class Reference:
     coefficients: Array  # Coefficients, level first, in the indicator's unit
     covariance: Array  # Covariance of the coefficients
     viscosity_power: float = 1.0  # 1, or -1 for an indicator that rises as the oil thins
+    moved: float = 0.0  # How far the expected value moved within the baseline, signed; 0 if it was steady
 
     @property
     def innovation(self) -> float:
@@ -118,7 +122,21 @@ def fitted(
         coefficients=coefficients * unit / units,
         covariance=np.asarray(covariance * np.outer(unit / units, unit / units)),
         viscosity_power=power,
+        moved=unit * _moved(values - design @ coefficients),
     )
+
+
+def _moved(left: Array) -> float:
+    """Fit a curve to what the covariates leave of a baseline. Return how far it moves; 0 if that is scatter.
+
+    The curve is a polygon with ``KNOTS`` knots. It rises if its highest point comes after its lowest one.
+    """
+    count = len(left)
+    hats = np.maximum(1.0 - np.abs(np.linspace(0.0, KNOTS - 1.0, count)[:, None] - np.arange(KNOTS)), 0.0)
+    curve = hats @ np.linalg.lstsq(hats, left)[0]
+    least = max(STEADY, STEADY_SHORT / np.sqrt(count)) * float(np.std(left - curve))
+    size = float(np.ptp(curve))
+    return 0.0 if size < least else size if np.argmax(curve) > np.argmin(curve) else -size
 
 
 def _whitened(values: Array, autocorrelation: float) -> Array:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from cylinder_friction_monitoring.trends.assessment import Change
+from cylinder_friction_monitoring.trends.assessment import Baseline, Change
 from cylinder_friction_monitoring.trends.session_row import INDICATORS
 
 PERIODS = {"month": 30.4, "week": 7.0, "day": 1.0}  # Periods in which a rate is stated [days]
@@ -14,6 +14,10 @@ ACTIONS = {
     "profile_n": "look for a bent rod or a scored bore",
 }
 OIL = "whether the oil was changed, or a sample of it: friction at speed changes with its viscosity"
+STEADY = (
+    "why it moved: wear, a new seal that runs in, other oil, another load or duty; once it is steady, enter "
+    "`reference` with the time from which it is"
+)
 VENTED = "a reading of both pressure transmitters with vented chambers"
 
 
@@ -47,7 +51,8 @@ def alarm(changes: Sequence[Change]) -> str:
     main, *others = changes
     first, last = main.since_interval
     text = f"{size(main)} since session {main.since} (between {first} and {last})"
-    if main.per_year is not None and main.per_year_interval is not None:
+    low, high = main.per_year_interval or (0.0, 0.0)
+    if main.per_year is not None and low * high > 0.0:
         way = "rising" if main.per_year > 0.0 else "falling"
         part, period = rate(main)
         text += f", now {way} by {with_unit(part * abs(main.per_year), main.indicator)} a {period}"
@@ -61,6 +66,16 @@ def alarm(changes: Sequence[Change]) -> str:
     if others:
         text += "; also " + ", ".join(size(each) for each in others)
     return _sentence(f"{text}; {ACTIONS[main.indicator]}")
+
+
+def moving(indicator: str, baseline: Baseline, moved: float) -> str:
+    """State a baseline that is not used, because the indicator moved within it."""
+    verb = "rose" if moved > 0.0 else "fell"
+    percent = "" if indicator == "half_sum_n" else f", {100.0 * abs(moved / baseline.level):.0f} %"
+    return _sentence(
+        f"{INDICATORS[indicator].title} {verb} by {with_unit(abs(moved), indicator)}{percent} within its baseline, "
+        f"sessions {baseline.first} to {baseline.last}, which is therefore not used"
+    )
 
 
 def zero_moved(change: Change) -> str:

@@ -2,21 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
+from datetime import timedelta
 
 import numpy as np
 
 from cylinder_friction_monitoring.arrays import Array
 from cylinder_friction_monitoring.trends.assessment import Baseline, Change, IndicatorTrend
 from cylinder_friction_monitoring.trends.cusum import Cusum, cusum, threshold
-from cylinder_friction_monitoring.trends.dating import Z95, Dated, dated
+from cylinder_friction_monitoring.trends.dating import Dated, dated
+from cylinder_friction_monitoring.trends.moments import moment
 from cylinder_friction_monitoring.trends.plan import MonitorPlan
 from cylinder_friction_monitoring.trends.reference import Reference, covariates_of, fitted
 from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
 
 TESTED = tuple(INDICATORS)  # Indicators that share the stated rate of false alarms
 DAYS_A_YEAR = 365.25
-FEW = 5  # Number of latest sessions whose mean shows a sudden change early
+FORESEEN_D = 36525.0  # Longest time until a limit is reached that is stated [days]
+FEW = 5  # Number of sessions whose mean shows whether a limit is passed
 BEYOND = 5
 """Number of latest sessions in a row too far from the baseline at which the present state is unknown."""
 
@@ -33,7 +35,6 @@ class Tested:
     reference: Reference
     test: Cusum
     baseline: Baseline
-    per_year: float  # Sessions per year
 
     @property
     def compensated(self) -> Array:
@@ -72,8 +73,9 @@ class Tested:
         """Date the change of an alarm, and determine its present size."""
         known = np.flatnonzero(np.isfinite(self.residuals))
         first, at = (int(np.searchsorted(known, each)) for each in (self.baseline.sessions, alarm))
-        own = self.residuals[known], self.expected[known], self.reference.design(covariates_of(self.rows))[known]
-        found = dated(self.reference, *own, first, at)
+        design, days = self.reference.design(covariates_of(self.rows)), _days(self.rows)
+        residuals, expected = self.residuals[known], self.expected[known]
+        found = dated(self.reference, residuals, expected, design[known], days[known], first, at)
         begins, low, high = (int(known[each]) for each in (found.begins, *found.interval))
         return Dated(**vars(found) | {"begins": begins, "interval": (low, high)})
 
@@ -81,15 +83,6 @@ class Tested:
         """Return the test as it was after the first ``count`` sessions."""
         own = {name: getattr(self, name)[:count] for name in ("rows", "values", "residuals", "expected")}
         return replace(self, **own)
-
-    def latest(self, found: Dated) -> tuple[float, float]:
-        """Bound the present change of an alarm from below and above, in the indicator's unit.
-
-        The mean of the last few sessions follows sudden growth sooner than a fitted step or trend.
-        """
-        values = self.residuals[np.isfinite(self.residuals)][-FEW:]
-        few = abs(float(values.mean()))
-        return max(abs(found.change), few - self._wide(len(values))), max(*map(abs, found.change_interval), few)
 
     def change(self, alarm: int, found: Dated, plan: MonitorPlan, beside: tuple[str, ...]) -> Change:
         """Describe an alarm for a person."""
@@ -107,8 +100,8 @@ class Tested:
             since=names[found.begins],
             since_interval=(names[low], names[high]),
             alarm_session=names[alarm],
-            per_year=None if found.slope is None else found.slope * self.per_year,
-            per_year_interval=None if slopes is None else _times(self.per_year, slopes),
+            per_year=None if found.slope is None else found.slope * DAYS_A_YEAR,
+            per_year_interval=None if slopes is None else _times(DAYS_A_YEAR, slopes),
             limit_reached=limit,
             limit_interval=limits,
             limit_passed=limit is not None and limit <= self.rows[-1].start[:10],
@@ -117,44 +110,31 @@ class Tested:
 
     def _limit(self, found: Dated, plan: MonitorPlan) -> tuple[str | None, tuple[str | None, str | None] | None]:
         """Compute the date at which the user's limit is or was reached, with an interval."""
-        percent, now = plan.limit_percent.get(self.indicator), _time(self.rows[-1].start)
-        if percent is None or now is None:
+        percent, last = plan.limit_percent.get(self.indicator), self.rows[-1].start
+        if percent is None or not last:
             return None, None
         sign = float(np.sign(found.change))
         limit = 0.01 * percent * abs(self.reference.level)
         left = limit - abs(found.change)
         if left <= 0.0:
-            return self._passed(sign * self.residuals[found.begins :], limit, self.rows[found.begins :])
+            return self._passed(sign * self.residuals[found.begins :], limit, self.rows[found.begins :]), None
         if found.slope is None or found.slope_interval is None:
             return None, None
 
         def reached(slope: float) -> str | None:
-            years = left / (sign * slope * self.per_year) if sign * slope > 0.0 else np.inf
-            return (now + timedelta(days=DAYS_A_YEAR * years)).date().isoformat() if years < 100.0 else None
+            days = left / max(sign * slope, 1e-30)
+            return f"{moment(last) + timedelta(days=days):%Y-%m-%d}" if days < FORESEEN_D else None
 
         slowest, fastest = sorted(found.slope_interval, key=lambda slope: sign * slope)
         return reached(found.slope), (reached(fastest), reached(slowest))
 
-    def _passed(
-        self, change: Array, limit: float, rows: Sequence[SessionRow]
-    ) -> tuple[str, tuple[str | None, str | None]]:
-        """Find the date from which the means of a few sessions stay beyond a limit, with an interval."""
+    def _passed(self, change: Array, limit: float, rows: Sequence[SessionRow]) -> str:
+        """Find the date from which the means of a few sessions stay beyond a limit."""
         known = np.flatnonzero(np.isfinite(change))
-        sums, counts = np.cumsum(change[known]), np.minimum(np.arange(len(known)) + 1, FEW)
-        sums[FEW:] -= sums[:-FEW].copy()
-        starts = [rows[int(each)].start[:10] for each in known]
-        wide = self._wide(FEW)
-
-        def since(beyond: float) -> str:
-            within = np.flatnonzero(sums / counts < beyond)
-            return starts[min(int(within[-1]) + 1 if len(within) else 0, len(starts) - 1)]
-
-        return since(limit), (since(limit - wide), since(limit + wide))
-
-    def _wide(self, count: int) -> float:
-        """Compute half the 95 % interval of the mean of neighbouring sessions."""
-        phi = self.reference.autocorrelation
-        return Z95 * self.reference.scatter * float(np.sqrt((1.0 + phi) / (1.0 - phi) / count))
+        means = [change[known[max(place - FEW, 0) : place]].mean() for place in range(1, len(known) + 1)]
+        within = np.flatnonzero(np.array(means) < limit)
+        after = int(within[-1]) + 1 if len(within) else 0
+        return rows[int(known[min(after, len(known) - 1)])].start[:10]
 
 
 def tested(indicator: str, rows: Sequence[SessionRow], plan: MonitorPlan) -> Tested | str:
@@ -201,7 +181,8 @@ def against_baseline(
     design = reference.design(covariates_of(rows))
     residuals = values - np.minimum(design @ reference.coefficients, most)
     test = cusum(reference, residuals, uncertainties, design, plan.baseline_sessions)
-    per_year = sessions_per_year(rows)
+    days = float(np.ptp(_days(rows)))
+    per_year = (len(rows) - 1) * DAYS_A_YEAR / days if days > 0.0 else DAYS_A_YEAR
     rate = plan.false_alarms_per_year / len(TESTED)
     baseline = Baseline(
         sessions=plan.baseline_sessions,
@@ -216,7 +197,7 @@ def against_baseline(
         reference=dict(reference.centre),
     )
     expected = reference.uncertainty(np.nan_to_num(design))
-    return Tested(indicator, rows, values, residuals, expected, reference, test, baseline, per_year)
+    return Tested(indicator, rows, values, residuals, expected, reference, test, baseline)
 
 
 def untested(indicator: str, rows: Sequence[SessionRow], why: str) -> IndicatorTrend:
@@ -227,20 +208,15 @@ def untested(indicator: str, rows: Sequence[SessionRow], why: str) -> IndicatorT
     return IndicatorTrend(None, tuple(row.session for row in own), values, nothing, nothing, why)
 
 
-def sessions_per_year(rows: Sequence[SessionRow]) -> float:
-    """Count the sessions per year from the first and last start; without starts, assume one per day."""
-    first, last = _time(rows[0].start), _time(rows[-1].start)
-    days = 0.0 if first is None or last is None else (last - first).total_seconds() / 86400.0
-    return (len(rows) - 1) * DAYS_A_YEAR / days if days > 0.0 else DAYS_A_YEAR
+def _days(rows: Sequence[SessionRow]) -> Array:
+    """Compute when sessions began, in days; without starts, assume one session per day."""
+    if not all(row.start for row in rows):
+        return np.arange(len(rows), dtype=np.float64)
+    return np.array([moment(row.start).timestamp() / 86400.0 for row in rows])
 
 
 def _value(row: SessionRow, indicator: str) -> float | None:
     return row.indicators[indicator].value
-
-
-def _time(start: str) -> datetime | None:
-    """Parse a start without its time zone, because only the time between sessions of one clock matters."""
-    return datetime.fromisoformat(start).replace(tzinfo=None) if start else None
 
 
 def _times(factor: float, interval: tuple[float, float]) -> tuple[float, float]:

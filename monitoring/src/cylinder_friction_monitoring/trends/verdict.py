@@ -77,6 +77,12 @@ def assess(
     force = in_force(stated, [row.start for row in own], now, plan.acknowledged_days)
     current = _since(own, force.begins)
     results = {name: tested(name, current, plan) for name in TESTED}
+    moving = {
+        name: sentences.moving(name, test.baseline, test.reference.moved)
+        for name, test in results.items()
+        if isinstance(test, Tested) and test.reference.moved
+    }
+    results |= moving
     trends = {
         name: result.trend() if isinstance(result, Tested) else untested(name, current, result)
         for name, result in results.items()
@@ -89,12 +95,15 @@ def assess(
         found = _changed(cylinder, alarms, force, plan)
     else:
         found = _quiet(cylinder, tests)
+    if moving and found.answer != "alarm":
+        words, decide = next(iter(moving.values())), (sentences.STEADY, *found.would_decide)
+        found = replace(found, answer="undecided", words=words, would_decide=decide)
     everything = _since(own, "")
 
     def worn() -> bool:  # acknowledged alarms count, too
         return bool(alarms) and _changed(cylinder, alarms, InForce(), plan).answer == "alarm"
 
-    questions = (*found.questions, *force.waiting)
+    questions = (*found.questions, *(why for why in moving.values() if why != found.words), *force.waiting)
     return replace(found, trends=trends, questions=questions, model=model_bounds(everything, tests, worn, plan))
 
 
@@ -154,6 +163,7 @@ def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
         words = f"{names[0].upper()}{names[1:]} differs from the baseline, not yet by enough for an alarm."
         return Assessment(cylinder, "watch", words)
     title, smallest = INDICATORS[main.indicator].title, 100.0 * main.baseline.smallest / abs(main.reference.level)
+    smallest = max(smallest, 1.0)
     words = f"No change of {title} in {monitored} sessions; lasting changes below {smallest:.0f} % cannot be found."
     return Assessment(cylinder, "fine", words if monitored else "The baseline is complete; monitoring begins.")
 
