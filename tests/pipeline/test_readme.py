@@ -69,7 +69,7 @@ def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path
 def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> None:
     if target == "live":  # which must not install this copy, gone soon, into the environment of the tests
         if not (Path(sys.prefix) / ".installed-live").is_file():
-            pytest.skip("the live service is not installed; `make lint` or `make test-live` installs it")
+            pytest.skip("the live service is not installed; `make install-dev` installs it")
         os.utime(finished_pipeline / "live/pyproject.toml", (0.0, 0.0))
     process = subprocess.Popen(
         [*MAKE, target, *(["ARGS=--port 0"] if target != "ui" else [])],
