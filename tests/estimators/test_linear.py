@@ -1,13 +1,19 @@
 """Force balance, low-pass and ridge against what can be worked out by hand."""
 
+import ast
+import re
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 
 def error_n(estimator: FrictionEstimator, recordings: list[Recording]) -> float:
@@ -56,6 +62,44 @@ def test_the_low_pass_is_tuned_to_beat_no_filter(cylinder: Cylinder, labelled_re
         beside = LowPassForceBalanceEstimator(cylinder, other)
         beside._begin_fit(labelled_recordings)
         assert error_n(tuned, labelled_recordings) <= error_n(beside, labelled_recordings)
+
+
+@pytest.mark.parametrize(
+    "unaware",
+    [
+        lambda inputs, _: RidgeEstimator(lags=1, penalty=1e-6, inputs=inputs),
+        lambda inputs, cylinder: ForceBalanceEstimator(cylinder, inputs=inputs),
+        lambda inputs, cylinder: HybridEstimator(cylinder, inputs=inputs),
+    ],
+    ids=["ridge", "force balance", "hybrid"],
+)
+def test_labels_without_a_load_are_not_learned_from_pressures_with_it(
+    unaware: Callable[[Sequence[str], Cylinder], FrictionEstimator],
+    cylinder: Cylinder,
+    labelled_recordings: list[Recording],
+) -> None:
+    """The refusal gives the argument with which ``fit`` finds friction, however large the load is."""
+    loaded = []
+    for number, recording in enumerate(labelled_recordings):
+        load_n = (4000.0 + 500.0 * number) * np.ones(len(recording))
+        pressure_pa = recording.column("pressure_1_pa") + load_n / cylinder.piston_area_m2
+        loaded.append(recording.with_columns(pressure_1_pa=pressure_pa, load_force_n=load_n))
+    with pytest.raises(RecordingError, match=r"subtracted a load .* if position decides it, set position_load") as why:
+        unaware(SAMPLE_COLUMNS, cylinder).fit(loaded)
+    inputs = ast.literal_eval(re.search(r"give inputs=(\(.*?\)) if", str(why.value))[1])
+    knowing = unaware(inputs, cylinder)
+    if isinstance(knowing, HybridEstimator):  # it trains for minutes
+        assert knowing._begin_fit(loaded)
+        return
+    unloaded = unaware(SAMPLE_COLUMNS, cylinder).fit(labelled_recordings)
+    off_n = [error_n(each, rows) for each, rows in ((knowing.fit(loaded), loaded), (unloaded, labelled_recordings))]
+    assert off_n[0] == pytest.approx(off_n[1], rel=0.05)
+
+
+def test_what_reads_no_force_needs_no_load(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+    loaded = [each.with_columns(load_force_n=np.full(len(each), 900.0)) for each in labelled_recordings[:2]]
+    LugreEstimator(cylinder)._begin_fit(loaded)
+    HybridEstimator(cylinder, inputs=("position_m",))._begin_fit(loaded)
 
 
 @pytest.mark.parametrize("delay", [0, 2])

@@ -62,6 +62,7 @@ class AnalyticalEstimator(FrictionEstimator):
 
     kind: ClassVar[str] = "analytical"
     shown: ClassVar[tuple[str, ...]] = ("model",)
+    balances_forces: ClassVar[bool] = False
 
     def __init__(
         self,

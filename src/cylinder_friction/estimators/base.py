@@ -40,7 +40,7 @@ from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTi
 from cylinder_friction.realtime.trained_for import TrainedFor, pressure_noise_pa
 from cylinder_friction.realtime.unmodelled_force import with_force_limits
 from cylinder_friction.recordings.channel_correction import ChannelCorrection
-from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
 
 
@@ -69,6 +69,7 @@ class FrictionEstimator(ABC):
     Attributes:
         kind: Name of the class in a saved model folder.
         shown: Names of the attributes in ``repr``.
+        balances_forces: Whether pressures or a drive force enter its estimate as forces, which a load adds to.
         files: Names of the files that ``save`` writes beside its description.
         inputs: The columns of a recording that make up a sample, in this order.
         sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
@@ -99,6 +100,7 @@ class FrictionEstimator(ABC):
 
     kind: ClassVar[str]
     shown: ClassVar[tuple[str, ...]] = ()
+    balances_forces: ClassVar[bool] = True
     files: tuple[str, ...] = ()
     _kinds: ClassVar[dict[str, type[FrictionEstimator]]] = {}
 
@@ -439,7 +441,8 @@ class FrictionEstimator(ABC):
         """Check the recordings, store their sample time and range, and subtract their identified zeros.
 
         Raises:
-            RecordingError: There is no recording, or they do not share one sample time.
+            RecordingError: There is no recording, they do not share one sample time, or their labels subtracted a load
+                that this estimator would not know.
         """
         if not recordings:
             raise RecordingError(f"{self.kind}: nothing to fit on, got no recording; expected at least one")
@@ -447,6 +450,14 @@ class FrictionEstimator(ABC):
         if not np.allclose(sample_times, sample_times[0], rtol=1e-6):
             raise RecordingError(
                 f"{self.kind}: recordings have different sample times {sample_times} s; expected one; resample them"
+            )
+        loaded = next((each.name for each in recordings if LOAD_FORCE in each.columns), "")
+        forces = self.balances_forces and not {*PRESSURES, DRIVE_FORCE}.isdisjoint(self.inputs)
+        if loaded and forces and LOAD_FORCE not in self.channels:
+            raise RecordingError(
+                f"{self.kind}: the label of recording {loaded!r} subtracted a load ({LOAD_FORCE}), which these "
+                f"inputs do not show; give inputs={(*self.inputs, LOAD_FORCE)} if the load is known in use too, or, if "
+                "position decides it, set position_load to cf.position_load(recordings, cylinder)"
             )
         self.sample_time_s = sample_times[0]
         self.training_range = TrainingRange.of(recordings, self.inputs)
