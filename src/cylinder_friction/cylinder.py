@@ -27,7 +27,8 @@ class Cylinder:
         bore_diameter_m: Piston diameter [m].
         rod_diameter_m: Diameter of the rod on side 2 [m], smaller than the bore.
         stroke_m: Length of travel [m]; position runs from 0 (retracted) to this.
-        moving_mass_kg: Mass of piston, rods and everything that moves rigidly with them [kg].
+        moving_mass_kg: Mass of piston, rods and everything that moves rigidly with them [kg]. With a load cell or load
+            pin, leave out what lies beyond it, as it measures that inertia too: usually piston and rods remain.
         rod_diameter_1_m: Diameter of the rod on side 1 [m], smaller than the bore; 0 without a rod there.
 
     Raises:

@@ -51,7 +51,10 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 
 def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that state how logger files are read, and of which cylinder they are."""
-    words = f"its YAML file with the same keys, or {EXAMPLE_CYLINDER}; default: params.yaml of a project"
+    words = (
+        f"its YAML file with the same keys, or {EXAMPLE_CYLINDER}; moving_mass_kg is that of piston, rod and what "
+        "moves rigidly with them, with a load cell or load pin only up to it; default: params.yaml of a project"
+    )
     parser.add_argument("--cylinder", help=words)
     parser.add_argument("--channels", type=Path, help="mapping, as `ingest init` writes it; default: guessed")
     words = (
