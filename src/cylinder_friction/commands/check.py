@@ -7,12 +7,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from cylinder_friction.deployment.brought_code import requirements_of
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.entry_points import own_class, own_kinds
 from cylinder_friction.params.checking import Params, load_params
 from cylinder_friction.params.file import PARAMS_FILE, ParamsError
 from cylinder_friction.recordings.logs import NameRules
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.refusal import RefusalError
 from cylinder_friction.stages._stage import RIG_FOLDER, SERVABLE
 from cylinder_friction.tracking.repository import asked_git
 
@@ -60,6 +62,10 @@ def _candidate(name: str) -> Iterator[str]:
         yield (
             f"register.candidate: expected an estimator with a real-time step ({', '.join(stepped)}), but got {name!r}"
         )
+    try:
+        requirements_of(name)
+    except RefusalError as error:
+        yield f"register.candidate: {error}"
 
 
 def _git() -> Iterator[str]:

@@ -53,32 +53,41 @@ class FrictionScoringModel(PythonModel):
 
 
 def import_brought_code(code: Path) -> None:
-    """Make ``import cylinder_friction`` give the code in ``code``, a folder that MLflow put on the path.
+    """Make imports give the packages in ``code``, a folder that MLflow put on the path: ours, and an estimator's own.
 
-    An installed package with the same files is used as it is. Otherwise the code is copied into the user's cache, into
-    a folder that its hash names: Numba compiles it there once, whatever place the model is loaded from, and the model's
-    own folder stays as it was registered.
+    Installed packages with the same files are used as they are. Otherwise the code is copied into the user's cache,
+    into a folder that its hash names: Numba compiles it there once, whatever place the model is loaded from, and the
+    model's own folder stays as it was registered.
 
     Raises:
-        MlflowException: The package is imported already, with other code: Python would go on running that.
+        MlflowException: A package is imported already, with other code: Python would go on running that.
     """
-    names = sorted(path.relative_to(code).as_posix() for path in (code / PACKAGE).rglob("*.py"))
-    wanted = _code_hash(code, names)
+    files = [path for path in code.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    names = sorted(path.relative_to(code).as_posix() for path in files)
     sys.path[:] = [each for each in sys.path if each != str(code)]
-    if PACKAGE in sys.modules:
-        there = Path(sys.modules[PACKAGE].__path__[0]).parent
-        if (found := _code_hash(there, names)) != wanted:
+    same = True
+    for package in sorted({name.split("/")[0] for name in names if ".dist-info/" not in name}):
+        own = [name for name in names if name.split("/")[0] == package]
+        top, wanted = package.removesuffix(".py"), _code_hash(code, own)
+        imported = sys.modules.get(top)
+        spec = PathFinder.find_spec(top) if imported is None else imported.__spec__
+        there = None if spec is None or spec.origin is None else Path(spec.origin).parent
+        if there is not None and package == top:  # a folder
+            there = there.parent
+        found = "" if there is None else _code_hash(there, own)
+        # an estimator's package that nobody installed would not register its class
+        stated = [name for name in names if ".dist-info/" in name] if package != PACKAGE else []
+        registered = there is not None and _code_hash(there, stated) == _code_hash(code, stated)
+        same = same and found == wanted and registered
+        if imported is not None and found != wanted:
             raise MlflowException(
-                f"this model brings {PACKAGE} with code {wanted[:12]} along, but {there} with code {found[:12]} is "
+                f"this model brings {top} with code {wanted[:12]} along, but {there} with code {found[:12]} is "
                 "imported already, and Python goes on running that; load the model in a process that has not imported "
-                f"{PACKAGE}, or serve it with `mlflow models serve`",
+                f"{top}, or serve it with `mlflow models serve`",
                 error_code=INVALID_PARAMETER_VALUE,
             )
-        return
-    spec = PathFinder.find_spec(PACKAGE)
-    installed = spec.submodule_search_locations if spec is not None else None
-    if not installed or _code_hash(Path(next(iter(installed))).parent, names) != wanted:
-        sys.path.insert(0, str(_cached(code, names, wanted)))
+    if not same:
+        sys.path.insert(0, str(_cached(code, names, _code_hash(code, names))))
 
 
 def _code_hash(folder: Path, names: list[str]) -> str:

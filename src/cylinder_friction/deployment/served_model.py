@@ -10,7 +10,7 @@ import pandas as pd
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
-from cylinder_friction.deployment.brought_code import MODEL_CODE, copy_package, model_metadata, requirements_of
+from cylinder_friction.deployment.brought_code import MODEL_CODE, copy_code, model_metadata, requirements_of
 from cylinder_friction.deployment.golden_recording import golden_content
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
@@ -63,7 +63,7 @@ def save_model_folder(
     pyfunc.save_model(
         path=str(path),
         python_model=str(MODEL_CODE),
-        code_paths=[str(copy_package(path.with_name("code")))],
+        code_paths=[str(each) for each in copy_code(path.with_name("code"), loaded.kind)],
         artifacts={"estimator": str(files), "golden": str(golden), "lineage": str(lineage_path)},
         signature=ModelSignature(input_schema(model), OUTPUTS),
         metadata=model_metadata(model),
