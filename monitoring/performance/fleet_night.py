@@ -89,7 +89,7 @@ def copy_results(
         write_recording(own, read_recording(base / each.file), new, texts)
         about.append(asdict(entry))
         row = replace(before, cylinder=name, session=new, start=start)
-        kept[new] = KeptRow(row, key_of([asdict(entry)], made_by), made_with)
+        kept[new] = KeptRow(row, key_of([asdict(entry)], made_by))
     summary = read_json(base / "summary.json")
     files = [f"{each['name']}.parquet" for each in about] + ["summary.json"]
     write_json(own / "summary.json", summary | {"recordings": about, "files": sorted(files), "depends_on": depends_on})

@@ -53,9 +53,7 @@ def write_kept(folder: Path, fleet: Fleet, rows: Sequence[SessionRow]) -> None:
     recordings = [{**about, "session": row.session} for row in rows]
     listed = {"written_by": WRITTEN_BY, "files": [SUMMARY_FILE]}
     write_json(run.results / SUMMARY_FILE, {**listed, "recordings": recordings})
-    kept = {
-        row.session: KeptRow(row, key_of([each], run.made_by), "") for row, each in zip(rows, recordings, strict=True)
-    }
+    kept = {row.session: KeptRow(row, key_of([each], run.made_by)) for row, each in zip(rows, recordings, strict=True)}
     write_rows(folder / session_file(name), rows, kept, {}, {})
     write_json(
         folder / "health.json",

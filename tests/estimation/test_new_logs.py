@@ -17,7 +17,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
-from cylinder_friction.estimation.results import GONE, FrictionOfLogs, kept_recordings, restore_summary
+from cylinder_friction.estimation.results import GONE, REFUSED, FrictionOfLogs, kept_recordings, restore_summary
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.recording import Recording
 from logger_files import CHANNELS, STATED, write_log
@@ -137,6 +137,43 @@ def test_a_refused_file_is_tried_again(run: Run, folder: Path) -> None:
     assert ([each.file for each in again.refused], again.new) == (["log04.csv"], ())
     (folder / "log04.csv").write_bytes(good)
     assert (run().refused, run().new) == ([], ())
+
+
+@pytest.mark.parametrize("damaged", [b"", b"\0\1\2", b"t,p1\n1,2\n"])
+def test_a_log_that_is_damaged_later_keeps_its_result_and_is_named(run: Run, folder: Path, damaged: bytes) -> None:
+    run()
+    good, before = (folder / "log02.csv").read_bytes(), content(folder.with_name("out"))
+    (folder / "log02.csv").write_bytes(damaged)
+    for _ in range(2):
+        result = run()
+        assert ([each.file for each in result.refused], result.new) == (["log02.csv"], ())
+        assert [each.gone for each in result.recordings] == ["", "", REFUSED, "", ""]
+        assert not any(each.outdated for each in result.recordings)
+        assert content(folder.with_name("out"))["log02.parquet"] == before["log02.parquet"]
+    (folder / "log02.csv").write_bytes(good)
+    result = run()
+    assert (result.refused, result.new, [each.gone for each in result.recordings]) == ([], (), [""] * 5)
+
+
+def test_a_log_that_became_shorter_is_named(run: Run, folder: Path) -> None:
+    run()
+    lines = (folder / "log02.csv").read_text().splitlines(keepends=True)
+    (folder / "log02.csv").write_text("".join(lines[: len(lines) // 2]))
+    with pytest.warns(UserWarning, match=r"log02.csv: has become shorter, \d+\.\d s instead of \d+\.\d s"):
+        assert run().new == ("log02",)
+
+
+def test_a_mistyped_mapping_removes_no_result(run: Run, folder: Path) -> None:
+    run()
+    before = content(folder.with_name("out"))
+    wrong = STATED | {"position_m": STATED["position_m"] | {"channel": "xx"}}
+    result = run(channels=wrong)
+    assert len(result.refused) == 5
+    assert all(each.outdated and each.gone.startswith(REFUSED) for each in result.recordings)
+    result = run()
+    assert (result.refused, result.new) == ([], ())
+    assert not any(each.outdated or each.gone for each in result.recordings)
+    assert content(folder.with_name("out")).keys() == before.keys()
 
 
 def test_a_session_that_gets_another_file_is_identified_again_as_a_whole(run: Run, folder: Path) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import RidgeEstimator
@@ -216,7 +217,8 @@ def test_a_changed_bore_is_named_and_processed_anew_and_other_oil_scales_the_lea
     changes = "changes bore_diameter_m from 0.063 to 0.064, rod_diameter_1_m from 0 to 0.02: all its logs were"
     assert health.news[0].startswith(f"a: fleet.yaml {changes}")
     (reason,) = reasons(health)
-    assert reason.startswith("a: a-2026-03-01: its log is gone, and its friction was computed with other dimensions;")
+    assert reason.startswith("a: a-2026-03-01: its file was not among the logs of the last run; it was processed with")
+    assert "another cylinder" in reason
     after = sessions(folder, "a")
     same = [now["half_sum_n"] == was["half_sum_n"] for now, was in zip(after, before, strict=True)]
     assert same == [True, False, False]
@@ -224,6 +226,27 @@ def test_a_changed_bore_is_named_and_processed_anew_and_other_oil_scales_the_lea
     for was, now in zip(after[1:], sessions(folder, "a")[1:], strict=True):
         assert now["friction_n"] == was["friction_n"]
         assert now["leak_m3_s_pa"] == pytest.approx(was["leak_m3_s_pa"] and 0.5 * was["leak_m3_s_pa"])
+
+
+def test_a_log_that_is_damaged_later_stays_assessed_and_one_that_a_mapping_refuses_does_not(
+    folder: Path, fleet: Fleet
+) -> None:
+    run(folder, fleet)
+    before = sessions(folder, "a")
+    (folder / "logs/a/2026-03-02.csv").write_bytes(b"")
+    os.utime(folder / "logs/a/2026-03-02.csv", (1e9, 1e9))
+    for _ in range(2):
+        health = run(folder, fleet)
+        assert (health.status, [each.file for each in health.refused]) == (1, ["a: a/2026-03-02.csv"])
+        assert sessions(folder, "a") == before
+    channels = yaml.safe_load((folder / "channels.yaml").read_text())
+    wrong = {**channels["channels"], "position_m": {"channel": "xx", "unit": "mm"}}
+    (folder / "channels.yaml").write_text(yaml.safe_dump(channels | {"channels": wrong}))
+    health = run(folder, fleet)
+    assert (health.status, [each.sessions for each in health.lines]) == (1, [0, 0])
+    assert any("a-2026-03-01: the last run refused its file" in reason for reason in reasons(health))
+    (folder / "channels.yaml").write_text(yaml.safe_dump(channels))
+    assert {each.cylinder: each.sessions for each in run(folder, fleet).lines} == {"a": 3, "b": 2}
 
 
 def test_the_fleet_file_corrects_a_start(folder: Path, fleet: Fleet, labelled_recordings: list[Recording]) -> None:

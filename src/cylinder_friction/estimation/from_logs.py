@@ -43,6 +43,7 @@ from cylinder_friction.estimation.results import (
     sort_logs,
     table_rows,
     unpacked,
+    without_new_result,
     write_result,
 )
 from cylinder_friction.execution.workers import LostPiece, Workers
@@ -140,6 +141,8 @@ def estimate_logs(
         if not listed:
             target.claim()
         new = _write_results(run, labelled, ResultWriter(run.friction, into, file_format, depends_on, listed))
+        kept += without_new_result(there, new_logs, new, depends_on)
+        _warn_of_shorter(there, new)
         results = sorted([*kept, *new], key=lambda each: Path(each.entry.source_file))
         current, processed = ({each.entry.name for each in some} for some in (results, new))
         stale = [each for each in there if each.entry.name not in current]
@@ -160,6 +163,25 @@ def estimate_logs(
     if overlaps := overlaps_in_words((each, each.duration_s) for each in result.recordings):
         warnings.warn(overlaps, stacklevel=2)
     return result
+
+
+def _warn_of_shorter(earlier: Sequence[Result], new: Sequence[Result]) -> None:
+    """Warn of logs that were cut: what they hold now lasts less long than before."""
+    before, now = _by_file(earlier), _by_file(new)
+    for name in before.keys() & now.keys():
+        (was, was_s), (is_now, now_s) = before[name], now[name]
+        if now_s < was_s and is_now != was:
+            words = f"{name}: has become shorter, {now_s:.1f} s instead of {was_s:.1f} s; is the log complete?"
+            warnings.warn(words, stacklevel=3)
+
+
+def _by_file(results: Sequence[Result]) -> dict[str, tuple[str, float]]:
+    """Collect the SHA-256 and the duration [s] of each log with a result."""
+    found = dict[str, tuple[str, float]]()
+    for each in results:
+        _, duration_s = found.get(each.entry.source_file, ("", 0.0))
+        found[each.entry.source_file] = each.entry.source_sha256, duration_s + each.entry.duration_s
+    return found
 
 
 def _labelled(run: LabelledLogs, kept: Sequence[Result], depends_on: Mapping[str, str]) -> list[LabelledRecording]:

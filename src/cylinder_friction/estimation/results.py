@@ -34,6 +34,7 @@ ABOUT, COMPARED = "cylinder_friction_result", "cylinder_friction_compared"
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
 WRITTEN_BY = "cylinder-friction estimate"
 GONE = "its file was not among the logs of the last run"
+REFUSED = "the last run refused its file; this is the result of an earlier run"
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,9 @@ class FrictionOfRecording:
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     levels: tuple[FrictionLevel, ...] = ()  # Friction of steady sliding at each level of pressure and speed
     unknown: str = ""  # Why ``friction_n`` is None, and what to check
-    gone: str = ""  # A sentence if its file was not among the logs of the last run; else empty
+    gone: str = ""  # A sentence if the last run got no result from its file; else empty
+    # Whether it must not be compared with later results: it is of another cylinder, or another mapping refuses its file
+    outdated: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""
@@ -263,11 +266,27 @@ def sort_logs(
     new |= {name for name in same if session[name] in sessions}
     gone = {name for name, digest in known.items() if name not in digests and digest not in digests.values()}
     kept = [each for name in same - new for each in of_file[name]]
-    for each in (each for name in gone for each in of_file[name]):
-        unlike = [key for key in depends_on if each.depends_on.get(key) != depends_on[key]]
-        words = f"; it was processed with another {' and another '.join(unlike)}" if unlike else ""
-        kept.append(replace(each, entry=replace(each.entry, gone=GONE + words)))
+    kept += [_marked(each, GONE, depends_on) for name in gone for each in of_file[name]]
     return [log for log in logs if log.name in new], kept
+
+
+def without_new_result(
+    earlier: Iterable[Result], read: Sequence[LoggedFile], new: Iterable[Result], depends_on: Mapping[str, str]
+) -> list[Result]:
+    """Return the earlier results of logs that were read again, and gave none this time; they are kept and marked."""
+    replaced = {each.entry.source_file for each in new}
+    names = {log.name for log in read} - replaced
+    moved = {log.digest for log in read if log.name in replaced}
+    kept = (each for each in earlier if each.entry.source_file in names)
+    return [_marked(each, REFUSED, depends_on) for each in kept if each.entry.source_sha256 not in moved]
+
+
+def _marked(result: Result, why: str, depends_on: Mapping[str, str]) -> Result:
+    """Mark a result from which the last run got no new one, and state what it was processed with."""
+    unlike = [key for key in depends_on if result.depends_on.get(key) != depends_on[key]]
+    words = f"; it was processed with another {' and another '.join(unlike)}" if unlike else ""
+    outdated = "cylinder" in unlike or (why == REFUSED and "mapping" in unlike)
+    return replace(result, entry=replace(result.entry, gone=why + words, outdated=outdated))
 
 
 def _session(log: LoggedFile) -> str:

@@ -156,11 +156,11 @@ class CylinderRun:
         late = self._too_late(placed, kept, earlier)
         rows = {session: replace(each, late=session in late) for session, each in rows.items()}
         left_out = late | {session: reason for session, reason in foreign.items() if session in rows}
-        made_with = hashlib.sha256(repr(self.owned.cylinder(self.name)).encode()).hexdigest()
         left_out |= {
-            session: "its log is gone, and its friction was computed with other dimensions; give the log again"
-            for session, each in rows.items()
-            if each.made_with not in ("", made_with)
+            session: f"{each['gone']}; give the log again, or correct the mapping"
+            for session, recordings in kept_recordings(self.results).items()
+            for each in recordings
+            if each.get("outdated")
         }
         counted = [each for each in entries if not each.withdrawn]
         left_out |= doubts([row for row in placed if row.session not in left_out], counted, self.now)

@@ -30,14 +30,13 @@ class KeptRow:
 
     row: SessionRow  # The row, with the start that its log states
     key: str  # SHA-256 of its recordings, code and settings
-    made_with: str  # SHA-256 of the dimensions
     placed: str = ""  # Its start as a night placed it, by its log or the fleet file
     late: bool = False  # Whether it came too late to be assessed
 
 
 def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:
     """Hash what a session's row is made from: its recordings, and the code and settings in ``made_by``."""
-    about = [{**each, "gone": "", "source_file": ""} for each in recordings]
+    about = [{**each, "gone": "", "outdated": "", "source_file": ""} for each in recordings]
     return json_hash([made_by, about])
 
 
@@ -57,7 +56,7 @@ def updated_rows(
             continue
         try:
             read = [friction_of(results, each["name"]) for each in recordings]
-            rows[session] = KeptRow(made_row(read), key, read[0].metadata.depends_on.get("cylinder", ""))
+            rows[session] = KeptRow(made_row(read), key)
         except (ValueError, OSError) as error:
             failed[session] = f"no indicators: {error}"
     return rows, failed
@@ -115,8 +114,10 @@ def write_rows(
 def read_rows(path: Path) -> dict[str, KeptRow]:
     """Read the sessions that the run before kept for a cylinder, by name."""
     kept = [json.loads(text) for text in pq.read_table(path, columns=[_DETAIL], use_threads=False)[0].to_pylist()]
-    rows = [KeptRow(**each | {"row": SessionRow.from_dict(each["row"])}) for each in kept]
-    return {each.row.session: each for each in rows}
+    rows = [(SessionRow.from_dict(each["row"]), each) for each in kept]
+    return {
+        row.session: KeptRow(row, each["key"], each.get("placed", ""), each.get("late", False)) for row, each in rows
+    }
 
 
 def numbers() -> list[str]:
