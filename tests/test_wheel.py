@@ -44,9 +44,9 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def take_over_machine_code(packages: Path) -> None:
-    """Copy what Numba compiled in the checkout, so that the installed package does not compile equal files again.
+    """Copy what Numba compiled in the checkout, so that the installed package need not compile it again.
 
-    Numba recognises a file by its time and its size.
+    The files are equal. Numba recognises a file by its time and its size.
     """
     source = PROJECT / "src"
     for module in source.rglob("*.py"):
