@@ -77,14 +77,16 @@ def test_what_it_exports_takes_the_readings_of_the_sensors(
     labelled_recordings: list[Recording],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    signed = {"position_m": {"sign": -1, "offset": 250.0}, "pressure_1_pa": {"offset": 1.3}}
+    line = {"line_loss": {"bar": 0.5, "speed_m_s": 0.1}}
+    signed = {"position_m": {"sign": -1, "offset": 250.0}, "pressure_1_pa": {"offset": 1.3, "sensor": line}}
     mapping = {name: own | signed.get(name, {}) for name, own in CHANNELS.items()}
     for number, recording in enumerate(labelled_recordings[:2]):
         moved = recording.with_columns(position_m=0.25 - recording.column("position_m"))
         write_log(tmp_path / f"logs/{number}.csv", moved, zero_bar=1.3)
     (tmp_path / "mapping.yaml").write_text(yaml.safe_dump({"channels": mapping}), encoding="utf-8")
     assert main(given) == 0
-    applied = "pressure_1_pa = reading - 1.3 bar, position_m = -(reading - 0.25 m)"
+    lost = "loss of its line (0.5 bar at 0.1 m/s ± 20 %)"
+    applied = f"pressure_1_pa = reading - 1.3 bar - {lost}, position_m = -(reading - 0.25 m)"
     assert f"the step makes {applied}" in capsys.readouterr().out
     model = load_estimator(tmp_path / "adapted")
     (recording,) = cf.read_recordings(tmp_path / "logs/1.csv", tmp_path / "mapping.yaml", cylinder)

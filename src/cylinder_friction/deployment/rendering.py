@@ -45,11 +45,12 @@ ABSENT: dict[str, Any] = {
     **{"offset": None, "spread_n": (0.0, 0.0, 0.0, 0.0), "lag_s": 0.0, "position_load": None, "clear_samples": 0},
     "trained_for": None,
     "corrections": {},
+    "line_loss": {},
     "least_pressure_pa": -1e12,
     **dict.fromkeys(("force_weights", "sliding_lower", "sliding_upper", "largest_force"), ()),
 }
-"""Values of fields in a model without sensor offset, lag, load by position, corrections of channels, and range of the
-force balance; fields with these values do not change the hash."""
+"""Values of fields in a model without sensor offset, lag, load by position, corrections of channels, loss of lines,
+and range of the force balance; fields with these values do not change the hash."""
 
 
 def render(template: str, real: Type = "double", **values: Any) -> str:

@@ -29,11 +29,12 @@ from cylinder_friction.realtime.bounds import (
     causal_velocity,
     unknown_bounds,
     velocity_taps,
+    without_line_loss,
 )
 from cylinder_friction.realtime.bounds_by_noise import NoiseBounds, calibrated_by_noise, level_for
 from cylinder_friction.realtime.checking import check_step_model, check_timing
 from cylinder_friction.realtime.guard import TrainingRange, freeze_travel_m, guard_from, largest_friction_n
-from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
+from cylinder_friction.realtime.model import Bounds, Guard, StepModel, applied, from_json
 from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
@@ -41,6 +42,7 @@ from cylinder_friction.realtime.trained_for import TrainedFor, pressure_noise_pa
 from cylinder_friction.realtime.unmodelled_force import with_force_limits
 from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES, SAMPLE_COLUMNS
+from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
 
 
@@ -85,6 +87,8 @@ class FrictionEstimator(ABC):
             is among the inputs, or there is none. Set before ``fit``.
         corrections: Sign and offset that the mapping of the training recordings states for an input; inputs with
             neither are left out.
+        line_loss: Loss of lines between pressure sensors and chambers that the same mapping states. A step subtracts it
+            at the causal velocity; a kind without a step leaves it in the pressures.
 
     Example:
         >>> hybrid.inputs, hybrid.sample_time_s
@@ -118,6 +122,7 @@ class FrictionEstimator(ABC):
         self.offset: OffsetTracker | None = None
         self.position_load: PositionLoad | None = None
         self.corrections: dict[str, ChannelCorrection] = {}
+        self.line_loss: dict[str, LineLoss] = {}
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -146,13 +151,14 @@ class FrictionEstimator(ABC):
 
     def new_state(self) -> Any:
         """Return the state before the first sample."""
-        return StrictStream(replace(self.step_model(), offset=None))
+        return StrictStream(replace(self.step_model(), offset=None, line_loss={}))
 
     def advance(self, state: Any, samples: Array) -> Array:
         """Estimate friction [N], shape ``(n,)``, for the next samples, shape ``(n, channels)``; updates ``state``.
 
-        Cutting the samples into pieces must not change one bit of the output. The result still contains the sensors'
-        offset; ``estimate`` and ``stream`` learn it and subtract it.
+        Pressures are those in the chambers, without the loss of lines. Cutting the samples into pieces must not change
+        one bit of the output. The result still contains the sensors' offset; ``estimate`` and ``stream`` learn it and
+        subtract it.
         """
         newtons, _ = state.run(samples[:, : len(self.inputs)])
         return np.ascontiguousarray(newtons[:, 0])
@@ -245,7 +251,7 @@ class FrictionEstimator(ABC):
             )
         samples = recording.samples(self.inputs)
         refuse_not_finite(f"recording {recording.name!r}", samples, self.inputs)
-        if self.offset is not None:
+        if self._needs_its_step:
             stream = StrictStream(self.step_model())
             stream.reset(offset_n, offset_uncertainty_n)
             return np.ascontiguousarray(stream.run(samples)[0][:, 0])
@@ -263,11 +269,16 @@ class FrictionEstimator(ABC):
     def stream(self) -> EstimatorStream | StrictStream:
         """Start a stream over a recording's samples from a fresh state; streams of one estimator are independent."""
         self._refuse_unfitted()
-        if self.offset is not None or type(self).advance is FrictionEstimator.advance:
+        if self._needs_its_step or type(self).advance is FrictionEstimator.advance:
             return StrictStream(self.step_model())
         return EstimatorStream(
             self.new_state, lambda state, samples: self.advance(state, self.channels_of(samples)), self.inputs
         )
+
+    @property
+    def _needs_its_step(self) -> bool:
+        """Whether ``advance`` alone is not enough: the step also learns an offset, or subtracts the loss of lines."""
+        return self.offset is not None or bool(self.line_loss)
 
     @property
     def has_step(self) -> bool:
@@ -322,8 +333,8 @@ class FrictionEstimator(ABC):
         self.bounds, own = level.bounds, [each for each in validation if each.metadata.session in level.sessions]
         self.trained_for = None if cylinder is None else TrainedFor.of(train, cylinder).calibrated_on(own)
         if cylinder is not None:
-            loaded = [self._with_load(each) for each in train]
-            self.guard = with_force_limits(self.guard, self.bounds, cylinder, loaded, self.channels)
+            own = [self._in_channels(each) for each in train]
+            self.guard = with_force_limits(self.guard, self.bounds, cylinder, own, self.channels)
 
     def save(self, folder: str | Path) -> None:
         """Write the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
@@ -354,6 +365,7 @@ class FrictionEstimator(ABC):
                 "offset": None if self.offset is None else self.offset.to_dict(),
                 "position_load": None if self.position_load is None else self.position_load.to_dict(),
                 "corrections": {column: asdict(each) for column, each in self.corrections.items()},
+                "line_loss": {column: asdict(line) for column, line in self.line_loss.items()},
                 "multiply_adds_a_step": self.multiply_adds(),
                 "parameters": parameters,
             },
@@ -395,7 +407,7 @@ class FrictionEstimator(ABC):
 
     @classmethod
     def _from_description(cls, folder: Path, description: dict[str, Any]) -> FrictionEstimator:
-        if "corrections" not in description:
+        if not {"corrections", "line_loss"} <= description.keys():
             raise SavedModelError(
                 f"{folder / DESCRIPTION_FILE}: was saved by an earlier version, which did not state what its step "
                 "subtracts from the sensors' readings; train or adapt the model anew"
@@ -427,8 +439,9 @@ class FrictionEstimator(ABC):
         estimator.offset = None if tracker is None else OffsetTracker.from_dict(tracker)
         load = description.get("position_load")
         estimator.position_load = None if load is None else PositionLoad.from_dict(load)
-        stated = description["corrections"]
+        stated, lines = description["corrections"], description["line_loss"]
         estimator.corrections = {column: ChannelCorrection(**stated[column]) for column in stated}
+        estimator.line_loss = {column: LineLoss(**lines[column]) for column in lines}
         return estimator
 
     def _checked_step(self) -> StepModel:
@@ -461,24 +474,33 @@ class FrictionEstimator(ABC):
             )
         self.sample_time_s = sample_times[0]
         self.training_range = TrainingRange.of(recordings, self.inputs)
-        self.corrections = self._common_corrections(recordings)
+        self.corrections, self.line_loss = self._mapping_of(recordings)
         return [self._training_recording(recording) for recording in recordings]
 
-    def _common_corrections(self, recordings: Sequence[Recording]) -> dict[str, ChannelCorrection]:
-        first, *others = (each.metadata.corrections for each in recordings)
-        for column in self.inputs:
-            own = {each.get(column, ChannelCorrection()) for each in (first, *others)}
-            if len(own) > 1:
-                found = " and ".join(sorted(each.formula(column) for each in own))
-                raise RecordingError(
-                    f"{self.kind}: the recordings' mappings disagree: {found}; expected one sign and offset per "
-                    "channel, because a real-time step applies them; train on recordings of one mapping"
-                )
-        return {column: first[column] for column in self.inputs if column in first}
+    def _mapping_of(self, recordings: Sequence[Recording]) -> tuple[dict[str, ChannelCorrection], dict[str, LineLoss]]:
+        """Read the sign, offset and loss of lines that all recordings' mappings state alike, by input."""
+        stated: list[tuple[dict[str, ChannelCorrection], dict[str, LineLoss]]] = []
+        for who in (each.metadata for each in recordings):
+            corrections = {name: who.corrections[name] for name in self.inputs if name in who.corrections}
+            lines = {name: who.line_loss[name] for name in self.inputs if name in who.line_loss and self.has_step}
+            stated.append((corrections, {name: line for name, line in lines.items() if any(line.terms())}))
+        other = next((each for each in stated if each != stated[0]), stated[0])
+        if other != stated[0]:
+            pair = [", ".join(applied(self.inputs, *each)) or "neither sign nor offset" for each in (stated[0], other)]
+            raise RecordingError(
+                f"{self.kind}: the recordings' mappings disagree: {pair[0]}; {pair[1]}; expected the same sign, offset "
+                "and line loss of a channel in all, because a real-time step applies them; train on recordings of one "
+                "mapping"
+            )
+        return stated[0]
 
     def _training_recording(self, recording: Recording) -> Recording:
-        """Prepare a recording for training: subtract its zeros, add the load that position decides."""
-        return self._with_load(recording).zeroed().lagged(self.lag_samples)
+        """Prepare a recording for training: its filters' channels, without its zeros."""
+        return self._in_channels(recording).zeroed().lagged(self.lag_samples)
+
+    def _in_channels(self, recording: Recording) -> Recording:
+        """Make a recording of the filters' channels: pressures in the chambers, and the load that position decides."""
+        return without_line_loss(self._with_load(recording), self.line_loss)
 
     def _with_load(self, recording: Recording) -> Recording:
         """Add the load that position decides, if one is known."""
@@ -495,7 +517,7 @@ class FrictionEstimator(ABC):
             other.position_load,
             other.lag_s,
         )
-        self.corrections = other.corrections
+        self.corrections, self.line_loss = other.corrections, other.line_loss
 
     def _step_model(self, **fields: Any) -> StepModel:
         """Build a step model from these fields; the others default to no features, network and forest.
@@ -531,13 +553,14 @@ class FrictionEstimator(ABC):
             lag_s=self.lag_samples * self.sample_time_s,
             trained_for=self.trained_for,
             corrections=self.corrections,
+            line_loss=self.line_loss,
         )
 
     def _learned_offset(self, recording: Recording) -> LearnedOffset:
         """Learn the offset from a cold start, as a step would; an offset common to all sessions is in the label too."""
         assert self.offset is not None
         place, state = self.inputs.index(POSITION), self.offset.new_state()
-        channels = self.channels_of(recording.samples(self.inputs))
+        channels = self._in_channels(recording).samples(self.channels)
         found = self.offset.rows(channels, causal_velocity(recording), place, state)
         zeros = recording.metadata.identified_zero
         weights = dict(zip(self.channels, self.offset.weights[BALANCE], strict=True))

@@ -12,7 +12,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.friction_quantities import POSITION_ORDER, FrictionQuantities
 from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, sensor_areas, zero_uncertainty_n
-from cylinder_friction.realtime.bounds import causal_velocity
+from cylinder_friction.realtime.bounds import causal_velocity, without_line_loss
 from cylinder_friction.realtime.sensor_offset import (
     BALANCE,
     LOAD,
@@ -74,6 +74,7 @@ def fit_offset_tracker(
             f"how an offset is learned is found by leaving sessions out; expected at least {LEAST_SESSIONS} of them, "
             f"but got {_sessions(recordings)[0]!r} alone; give recordings of another session"
         )
+    recordings = [without_line_loss(each, each.metadata.line_loss) for each in recordings]
     prior_n = max(zero_uncertainty_n(recording, cylinder) or 0.0 for recording in recordings)
     # The smallest uncertainty is almost all common: strokes do not show the mean offset of all sessions
     common_n = min(zero_uncertainty_n(recording.zeroed(), cylinder) or 0.0 for recording in recordings)

@@ -12,7 +12,7 @@ recordings.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,9 +25,11 @@ from cylinder_friction.realtime.compiled import compiled, compiled_part
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, SAMPLE_COLUMNS, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal import FirFilter, one_sided_savitzky_golay_taps
 from cylinder_friction.signals.noise import sensor_noise
+from cylinder_friction.signals.smooth_signals import in_chambers
 
 Whole = NDArray[np.int64]
 
@@ -65,6 +67,13 @@ def causal_velocity(recording: Recording) -> Array:
     """Compute the causal velocity that decides the regime [m/s], shape ``(n,)``."""
     taps = velocity_taps(recording.sample_time_s, ("position_m",))
     return FirFilter(taps[None]).run(recording.samples(("position_m",)))[:, 0]
+
+
+def without_line_loss(recording: Recording, lines: Mapping[str, LineLoss]) -> Recording:
+    """Subtract the loss of lines, by pressure, at the causal velocity, as a real-time step does."""
+    if not lines:
+        return recording
+    return in_chambers(recording, lines, causal_velocity(recording)).described(line_loss={})
 
 
 def regimes_of(recording: Recording, standstill_m_s: float, creep_m_s: float) -> Whole:

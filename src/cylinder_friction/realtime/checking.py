@@ -39,6 +39,8 @@ def check_step_model(model: StepModel) -> None:
     _numbers("target_scale_n", model.target_scale_n, ())
     for name, own in model.corrections.items():
         _numbers(f"corrections.{name}", own.offset, ())
+    for name, line in model.line_loss.items():
+        _numbers(f"line_loss.{name}", line.terms(), (len(line.terms()),), 0.0)
     _check_guard(model, channels)
     _check_bounds(model)
     if model.history is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
@@ -15,6 +15,7 @@ from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.realtime.trained_for import TrainedFor
 from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.line_loss import LineLoss
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
@@ -102,6 +103,18 @@ def from_json(kind: type[GuardOrBounds], values: dict[str, Any] | None) -> Guard
     return kind(**known)
 
 
+def applied(
+    inputs: Sequence[str], corrections: Mapping[str, ChannelCorrection], line_loss: Mapping[str, LineLoss]
+) -> list[str]:
+    """State as formulas what a step makes of the readings of its inputs, if it does not take them as they are."""
+    formulas = []
+    for name in inputs:
+        if name in corrections or name in line_loss:
+            lost = f" - loss of its line ({line_loss[name].in_words()})" if name in line_loss else ""
+            formulas.append(corrections.get(name, ChannelCorrection()).formula(name) + lost)
+    return formulas
+
+
 @dataclass(frozen=True)
 class StepModel:
     """One estimator, ready for any runtime: filters, network, forest, guard and bounds as plain arrays.
@@ -110,9 +123,10 @@ class StepModel:
     runtime of your own; all give the same numbers. Forces are in newtons, friction is positive when it opposes
     velocity.
 
-    A step takes readings as the sensors give them, in SI units, pressures gauge. It applies ``corrections`` first;
-    guard, filters and everything after them see corrected samples. A recording's columns are corrected already: give
-    them to ``for_recordings()``, or give ``Recording.readings`` to this one.
+    A step takes readings as the sensors give them, in SI units, pressures gauge. It applies ``corrections`` first, and
+    the guard checks corrected samples. Then it subtracts ``line_loss`` at the causal velocity; filters, force balance
+    and offset see the pressures in the chambers. A recording's columns are corrected already, but lines still lose
+    pressure there: give them to ``for_recordings()``, or give ``Recording.readings`` to this one.
     """
 
     sample_time_s: float  # Sample time [s]; an LSTM is valid at this one only
@@ -144,6 +158,8 @@ class StepModel:
     trained_for: TrainedFor | None = None  # The cylinder, noise and friction it fits; None: not known
     # Sign and offset of the inputs that have either, which the step applies to each sample first
     corrections: Mapping[str, ChannelCorrection] = field(default_factory=dict)
+    # Loss of the lines between pressure sensors and chambers, which the step subtracts before its filters
+    line_loss: Mapping[str, LineLoss] = field(default_factory=dict)
 
     def for_recordings(self) -> Self:
         """Copy the model without its corrections, for samples of recordings, which ingest has corrected."""
@@ -151,7 +167,7 @@ class StepModel:
 
     def applied(self) -> str:
         """State what the step makes of the sensors' readings first, in formulas; empty if it takes them as they are."""
-        return ", ".join(self.corrections[name].formula(name) for name in self.inputs if name in self.corrections)
+        return ", ".join(applied(self.inputs, self.corrections, self.line_loss))
 
     @property
     def input_corrections(self) -> tuple[ChannelCorrection, ...]:

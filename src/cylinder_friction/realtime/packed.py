@@ -13,6 +13,7 @@ from cylinder_friction.realtime.history import new_history
 from cylinder_friction.realtime.lstm import AT_A_TIME, NO_NETWORK, LstmWeights, Single
 from cylinder_friction.realtime.sensor_offset import NO_TRACKER, OffsetTracker
 from cylinder_friction.realtime.unmodelled_force import force_limits
+from cylinder_friction.recordings.line_loss import FLOW_SIGNS, LossTerms
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
@@ -47,6 +48,15 @@ class Inputs(NamedTuple):
     pressures: Whole  # Places of the raw pressures
     position: int  # Place of the position
     load: Array  # The load that position decides, ``PositionLoad.packed``; empty without one
+
+
+class Lines(NamedTuple):
+    """Lines between pressure sensors and chambers; see ``recordings.line_loss``."""
+
+    places: Whole  # Places of their pressures among the inputs
+    signs: Array  # Sign of the velocity while oil flows to the chamber
+    terms: Array  # ``LossTerms``, shape ``(lines, 4)``
+    velocity: Array  # Taps of the causal velocity on the position; newest first
 
 
 class PackedGuard(NamedTuple):
@@ -116,6 +126,7 @@ class Model(NamedTuple):
     # the ends of lags and outputs as make full vectors
     taps: Array
     inputs: Inputs
+    lines: Lines
     guard: PackedGuard
     bounds: PackedBounds
     features: Features
@@ -135,6 +146,7 @@ class State(NamedTuple):
     # ``lags`` places apart, so that the last ``lags`` samples are always contiguous
     ring: Array
     now: Array  # This sample, with held values in place of invalid ones
+    chamber: Array  # This sample without the loss of lines
     held: Array  # The last sample
     invalid: NDArray[np.bool_]
     constant_from_m: Array  # Position at which each channel last changed [m]
@@ -174,6 +186,7 @@ def packed_model(model: StepModel) -> Model:
             position=model.position,
             load=np.zeros(0) if model.position_load is None else model.position_load.packed(model.inputs),
         ),
+        lines=packed_lines(model),
         guard=PackedGuard(
             freeze_travel_m=float(guard.freeze_travel_m),
             freeze_samples=guard.freeze_samples,
@@ -219,6 +232,17 @@ def packed_model(model: StepModel) -> Model:
     )
 
 
+def packed_lines(model: StepModel) -> Lines:
+    """Lay out the lines that lose pressure."""
+    lost = {name: line.terms() for name, line in model.line_loss.items()}
+    return Lines(
+        places=np.array([model.inputs.index(name) for name in lost], dtype=np.int64),
+        signs=_doubles([FLOW_SIGNS[name] for name in lost]),
+        terms=_doubles(list(lost.values())).reshape(-1, len(LossTerms._fields)),
+        velocity=_doubles(model.velocity_taps[model.position]),
+    )
+
+
 def new_state(model: Model, offset: Array) -> State:
     """Make the state before the first sample, with this state of the sensors' offset."""
     channels, lags, outputs = model.taps.shape
@@ -226,6 +250,7 @@ def new_state(model: Model, offset: Array) -> State:
     return State(
         ring=np.zeros((channels, 2 * lags)),
         now=np.zeros(channels),
+        chamber=np.zeros(channels),
         held=np.zeros(channels),
         invalid=np.zeros(channels, dtype=np.bool_),
         constant_from_m=np.zeros(channels),

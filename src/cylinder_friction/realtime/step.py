@@ -1,7 +1,7 @@
 """The compiled step, the reference of every runtime: one function of constant time, without allocation.
 
-A step, in this order: sign and offset of the sensors, guard, filters, history, network, forest, bounds. Filters,
-scaling and sums run in double precision, LSTM and forest in single. Every sum adds in the order in which the
+A step, in this order: sign and offset of the sensors, guard, loss of lines, filters, history, network, forest, bounds.
+Filters, scaling and sums run in double precision, LSTM and forest in single. Every sum adds in the order in which the
 estimator's own ``advance`` does, so the two agree bit for bit on valid samples.
 """
 
@@ -36,6 +36,7 @@ from cylinder_friction.realtime.packed import (
     WARMING,
     Features,
     Inputs,
+    Lines,
     Model,
     Network,
     PackedGuard,
@@ -99,6 +100,7 @@ def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newton
         state.now[sample.shape[0]] = load_at(model.inputs.load, state.now)
     if state.counters[READY] == 0:
         _begin(model, state)
+    _to_chambers(model.lines, model.inputs.position, state)
     _filter(model.taps, state)
     for output in range(model.zeros.shape[0]):
         state.outputs[output] -= state.offset[OFFSET] * model.zeros[output]
@@ -124,7 +126,7 @@ def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newton
             flags |= FLAG_OFFSET_UNKNOWN
         if model.bounds.spread_n[regime] > 0.0:
             further = np.sqrt(1.0 + (state.offset[DEVIATION] / model.bounds.spread_n[regime]) ** 2)
-        offset_step(model.tracker, state.offset, model.inputs.position, velocity_m_s, state.now, not bad)
+        offset_step(model.tracker, state.offset, model.inputs.position, velocity_m_s, state.chamber, not bad)
     newtons[0] = base_n + model.target_mean_n
     newtons[1], newtons[2] = further * model.bounds.lower_n[regime], further * model.bounds.upper_n[regime]
     return flags
@@ -157,6 +159,26 @@ def _begin(model: Model, state: State) -> None:
 
 
 @_part
+def _to_chambers(lines: Lines, position: int, state: State) -> None:
+    """Copy the sample, and subtract the loss of lines from its pressures; earlier positions are in the ring."""
+    now, chamber, newest = state.now, state.chamber, state.counters[NEWEST]
+    for channel in range(now.shape[0]):
+        chamber[channel] = now[channel]
+    if lines.places.shape[0] == 0:
+        return
+    velocity_m_s = 0.0
+    for lag in range(1, lines.velocity.shape[0]):
+        velocity_m_s += lines.velocity[lag] * (state.ring[position, newest + lag - 1] - now[position])
+    for line in range(lines.places.shape[0]):
+        along, terms = lines.signs[line] * velocity_m_s, lines.terms[line]
+        speed = abs(along)
+        lost_pa = terms[0] * speed + terms[1] * speed * speed
+        if speed > terms[3]:
+            lost_pa = max(lost_pa, terms[2] * speed * np.sqrt(speed) * np.sqrt(np.sqrt(speed)))
+        chamber[lines.places[line]] -= lost_pa if along > 0.0 else -lost_pa
+
+
+@_part
 def _filter(taps: Array, state: State) -> None:
     """Put the sample into the ring and filter it."""
     lags, ring, outputs = taps.shape[1], state.ring, state.outputs
@@ -167,8 +189,8 @@ def _filter(taps: Array, state: State) -> None:
     for output in range(outputs.shape[0]):
         outputs[output] = 0.0
     for channel in range(ring.shape[0]):
-        ring[channel, newest] = state.now[channel]
-        ring[channel, newest + lags] = state.now[channel]
+        ring[channel, newest] = state.chamber[channel]
+        ring[channel, newest + lags] = state.chamber[channel]
         add_product(outputs, taps[channel], ring[channel, newest:], lags)
 
 
@@ -285,5 +307,5 @@ def _regime(model: Model, counters: Whole, velocity_m_s: float) -> int:
 def _unmodelled(guard: PackedGuard, state: State, regime: int) -> bool:
     motion = regime, state.counters[DIRECTION], state.counters[UNMODELLED]
     limits = guard.clear_samples, guard.least_pressure_pa
-    found, state.counters[UNMODELLED] = unmodelled_force(guard.forces, state.now, *motion, *limits)
+    found, state.counters[UNMODELLED] = unmodelled_force(guard.forces, state.chamber, *motion, *limits)
     return found

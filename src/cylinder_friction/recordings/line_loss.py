@@ -2,15 +2,28 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.columns import PRESSURES
 
 OIL_DENSITY_KG_M3 = 870.0
 BAR_PA = 1e5
 RECTANGULAR = 1.0 / math.sqrt(3.0)
 """Ratio of standard deviation to half-width of a rectangular distribution (JCGM 100:2008, 4.3.7)."""
+FLOW_SIGNS = dict(zip(PRESSURES, (1.0, -1.0), strict=True))
+"""Sign of the piston's velocity while oil flows from the sensor to the chamber, by pressure."""
+
+
+class LossTerms(NamedTuple):
+    """Terms of a line's loss [Pa] over the piston's speed [m/s]."""
+
+    laminar: float  # Times speed
+    square: float  # Times its square
+    turbulent: float  # Times speed to the power 1.75, if that is more and the flow is turbulent
+    turbulent_from_m_s: float
 
 
 @dataclass(frozen=True)
@@ -50,13 +63,24 @@ class LineLoss:
             return f"{self.bar:g} bar at {self.speed_m_s:g} m/s {unsure}"
         return f"{self.length_m:g} m of {self.bore_mm:g} mm bore {unsure}"
 
+    def terms(self) -> LossTerms:
+        """Express the loss by the terms with which every runtime computes it; all are 0 if nothing is lost."""
+        if self.bar is not None:
+            lost_pa, laminar, speed_m_s = self.bar * BAR_PA, self.laminar_percent / 100.0, self.speed_m_s or 1.0
+            return LossTerms(lost_pa * laminar / speed_m_s, lost_pa * (1.0 - laminar) / speed_m_s**2, 0.0, 0.0)
+        bore_m, viscosity_m2_s = 1e-3 * self.bore_mm, 1e-6 * self.oil_mm2_s
+        if self.area_m2 == 0.0:
+            return LossTerms(0.0, 0.0, 0.0, 0.0)
+        faster = self.area_m2 / (0.25 * math.pi * bore_m**2)  # Oil in the hose than the piston
+        ratio = OIL_DENSITY_KG_M3 * self.length_m / bore_m
+        laminar = 32.0 * ratio * viscosity_m2_s / bore_m * faster
+        turbulent = 0.158 * ratio * faster**1.75 * (viscosity_m2_s / bore_m) ** 0.25
+        return LossTerms(laminar, 0.0, turbulent, 2300.0 * viscosity_m2_s / (faster * bore_m))
+
     def lost_pa(self, velocity_m_s: Array) -> Array:
         """Compute how much higher the sensor reads [Pa]; velocity is positive while oil flows to the chamber."""
-        if self.bar is not None:
-            part, laminar = velocity_m_s / (self.speed_m_s or 1.0), self.laminar_percent / 100.0
-            return self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part))
-        bore_m, viscosity_m2_s = 1e-3 * self.bore_mm, 1e-6 * self.oil_mm2_s
-        flow_m_s = velocity_m_s * self.area_m2 / (0.25 * math.pi * bore_m**2)
-        reynolds = np.maximum(np.abs(flow_m_s) * bore_m / viscosity_m2_s, 1e-9)
-        factor = np.maximum(64.0 / reynolds, np.where(reynolds > 2300.0, 0.316 * reynolds**-0.25, 0.0))
-        return np.asarray(factor * self.length_m / bore_m * 0.5 * OIL_DENSITY_KG_M3 * flow_m_s * np.abs(flow_m_s))
+        terms, speed = self.terms(), np.abs(velocity_m_s)
+        lost_pa = terms.laminar * speed + terms.square * speed * speed
+        turbulent_pa = terms.turbulent * speed * np.sqrt(speed) * np.sqrt(np.sqrt(speed))
+        lost_pa = np.where(speed > terms.turbulent_from_m_s, np.maximum(lost_pa, turbulent_pa), lost_pa)
+        return np.asarray(np.sign(velocity_m_s) * lost_pa)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.evaluation.reported import reported_errors
 from cylinder_friction.realtime.guard import TrainingRange
-from cylinder_friction.realtime.model import Bounds, Guard, from_json
+from cylinder_friction.realtime.model import Bounds, Guard, applied, from_json
 from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
+from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.reporting.estimator_titles import title
 
 if TYPE_CHECKING:
@@ -41,10 +42,9 @@ def model_card(
     reference, errors = reported_errors(conditions)
     shares = {each["condition"]: each["held_percent"] for each in held if each["reference"] == reference}
     bounds = from_json(Bounds, description.get("bounds"))
-    stated = description.get("corrections", {})
-    applied = ", ".join(
-        ChannelCorrection(**stated[name]).formula(name) for name in description["input"] if name in stated
-    )
+    corrections = {column: ChannelCorrection(**own) for column, own in description.get("corrections", {}).items()}
+    line_loss = {column: LineLoss(**own) for column, own in description.get("line_loss", {}).items()}
+    formulas = applied(description["input"], corrections, line_loss)
     lines = [
         f"{title(name)}: friction inside a hydraulic cylinder [N] from "
         f"{', '.join(f'`{column}`' for column in description['input'])}.",
@@ -57,7 +57,7 @@ def model_card(
         *([f"- Hyperparameters: {', '.join(f'{key} {value:.4g}' for key, value in chosen.items())}"] if chosen else []),
         f"- Sampled every {1e3 * description['sample_time_s']:g} ms, late by {1e3 * description['lag_s']:g} ms, "
         f"{description['multiply_adds_a_step']} multiply-adds per sample",
-        *([f"- Made of the sensors' readings first, before the ranges below apply: {applied}"] if applied else []),
+        *([f"- Made of the sensors' readings first: {', '.join(formulas)}"] if formulas else []),
         "",
         f"**Mean absolute errors on held-out recordings, against {_AGAINST[reference]}**",
         "",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, SAMPLE_COLUMNS
+from cylinder_friction.recordings.line_loss import FLOW_SIGNS, LineLoss
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import noise_deviation
 
@@ -90,6 +92,12 @@ def has_pressures(recording: Recording) -> bool:
     return all(column in recording.columns for column in SAMPLE_COLUMNS)
 
 
+def in_chambers(recording: Recording, lines: Mapping[str, LineLoss], velocity_m_s: Array) -> Recording:
+    """Subtract the loss of lines, by pressure, at these velocities, shape ``(n,)``, extension positive."""
+    lost_pa = {name: line.lost_pa(FLOW_SIGNS[name] * velocity_m_s) for name, line in lines.items()}
+    return recording.with_columns(**{name: recording.column(name) - lost_pa[name] for name in lines})
+
+
 def at_cylinder(recording: Recording, signal_filter: SignalFilter) -> Recording:
     """Correct the pressures from the sensors to the chambers, by the stated loss of the lines.
 
@@ -99,9 +107,7 @@ def at_cylinder(recording: Recording, signal_filter: SignalFilter) -> Recording:
     if not lines:
         return recording
     velocity_m_s, _ = signal_filter.motion(recording.column(POSITION), recording.sample_time_s)
-    signs = dict(zip(PRESSURES, (1.0, -1.0), strict=True))
-    chambers = {name: recording.column(name) - line.lost_pa(signs[name] * velocity_m_s) for name, line in lines.items()}
-    return recording.with_columns(**chambers)
+    return in_chambers(recording, lines, velocity_m_s)
 
 
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:

@@ -410,6 +410,30 @@ static real table_at(const real *table, const real sample[CHANNELS])
 }
 #endif
 
+#if HAS_LINES
+/* Pressures in the chambers: what the lines to them lose at the causal velocity is taken off those of the sensors. */
+static void to_chambers(const estimator_state *state, const real sample[CHANNELS], real chamber[CHANNELS])
+{
+    const real *before = state->window[POSITION] + state->cursor;
+    real velocity = R(0.0);
+    int lag, line;
+    for (lag = 1; lag < LINE_LAGS; ++lag) {
+        velocity += LINE_TAPS[lag] * (before[lag - 1] - sample[POSITION]);
+    }
+    memcpy(chamber, sample, CHANNELS * sizeof *chamber);
+    for (line = 0; line < LINES; ++line) {
+        const real along = LINE_SIGN[line] * velocity;
+        const real speed = M(fabs)(along);
+        real lost = LINE_LAMINAR[line] * speed + LINE_SQUARE[line] * speed * speed;
+        if (speed > LINE_TURBULENT_FROM_M_S[line]) {
+            const real turbulent = LINE_TURBULENT[line] * speed * M(sqrt)(speed) * M(sqrt)(M(sqrt)(speed));
+            lost = turbulent > lost ? turbulent : lost;
+        }
+        chamber[LINE_CHANNEL[line]] -= along > R(0.0) ? lost : -lost;
+    }
+}
+#endif
+
 /* Puts a sample into the windows; each value is kept twice, so that the last LAGS values always lie in one piece. */
 static void push(estimator_state *state, const real sample[CHANNELS])
 {
@@ -796,6 +820,11 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
 #endif
     const real *window[CHANNELS];
     real sample[CHANNELS];
+#if HAS_LINES
+    real chamber[CHANNELS];
+#else
+    const real *const chamber = sample;
+#endif
     real filtered[ROWS];
     real wider = R(1.0);
     int invalid[INPUTS];
@@ -833,7 +862,10 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
     if (first) {
         begin(state, sample);
     }
-    push(state, sample);
+#if HAS_LINES
+    to_chambers(state, sample, chamber);
+#endif
+    push(state, chamber);
     for (channel = 0; channel < CHANNELS; ++channel) {
         window[channel] = state->window[channel] + state->cursor;
     }
@@ -858,13 +890,13 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
     output->friction_n = estimate(state, filtered);
     regime = next_regime(state, filtered[VELOCITY_ROW]);
 #if HAS_FORCE_LIMITS
-    flags |= unmodelled_force(state, sample, regime);
+    flags |= unmodelled_force(state, chamber, regime);
     bad |= (flags & FLAG_UNMODELLED_FORCE) != 0u;
 #endif
 #if LEARNS_OFFSET
     wider = further(state, regime);
     flags |= state->directions == (EXTENDED | RETRACTED) && offset_supported(state) ? 0u : FLAG_OFFSET_UNKNOWN;
-    learn_offset(state, filtered[VELOCITY_ROW], sample, !(frozen || bad));
+    learn_offset(state, filtered[VELOCITY_ROW], chamber, !(frozen || bad));
 #endif
     output->lower_n = output->friction_n + wider * LOWER_N[regime];
     output->upper_n = output->friction_n + wider * UPPER_N[regime];

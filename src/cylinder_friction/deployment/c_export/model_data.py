@@ -23,9 +23,11 @@ from cylinder_friction.realtime.history import TOLERANCE_M, History
 from cylinder_friction.realtime.load_table import COLUMN, FIRST, NUMBERS, PER_METRE, PLACES, TABLE
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.packed import packed_lines
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.unmodelled_force import force_limits
 from cylinder_friction.recordings.columns import POSITION, REFERENCE_C
+from cylinder_friction.recordings.line_loss import LossTerms
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 from cylinder_friction.signals.causal_velocity import CausalVelocity
 
@@ -34,7 +36,7 @@ AT_ONCE, ACROSS = 8, 16  # Sources and gates of a tile of weights, as in ``frict
 ROUNDING = 1e-9  # Taps with a smaller sum are derivatives: a constant input gives 0
 # Most operations of a step that do not depend on the model's size
 GUARD_OPERATIONS, FORCE_OPERATIONS, LIMIT_OPERATIONS, HISTORY_OPERATIONS = 40, 10, 3, 60
-LOAD_OPERATIONS, BLOCK_OPERATIONS = 10, 150
+LOAD_OPERATIONS, BLOCK_OPERATIONS, LINE_OPERATIONS = 10, 150, 60
 ACTIVATION_OPERATIONS = 14  # Operations of one sigmoid or hyperbolic tangent, with the division as one
 C_TYPES = {"int32": "int", "uint16": "uint16_t", "uint32": "uint32_t", "float32": "float"}
 
@@ -124,6 +126,7 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
         "HEAD_COUNTS": step.head_counts,
         "HAS_FOREST": forest is not None,
         "HAS_CORRECTIONS": bool(step.corrections),
+        "HAS_LINES": bool(step.line_loss),
         "HAS_LOAD": load is not None,
         "HAS_FORCE_LIMITS": forces.size > 0,
         "LEARNS_OFFSET": step.offset is not None,
@@ -162,6 +165,8 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
     if step.corrections:
         data["SIGN"] = np.array([float(each.sign) for each in step.input_corrections])
         data["ZERO_READING"] = np.array([each.offset for each in step.input_corrections])
+    if step.line_loss:
+        data |= _lines(step)
     if load is not None:
         data |= _load(load, step.inputs)
     if forces.size:
@@ -201,6 +206,7 @@ def operations(model: StepModel | LugreModel, forest: FlatForest | None) -> int:
         total += network.nodes if has_head(step) else 0
     total += 0 if forest is None else forest.operations()
     total += 0 if step.position_load is None else LOAD_OPERATIONS * 2 ** (2 * len(step.position_load.axes) - 2)
+    total += LINE_OPERATIONS * len(step.line_loss)
     total += FORCE_OPERATIONS + 2 * channels if step.guard.force_weights else 0
     total += 0 if step.offset is None else BLOCK_OPERATIONS + 5 * channels + 2 * len(bank.rows)
     return total
@@ -233,6 +239,18 @@ def _literal(value: object, real: Type) -> str:
         text = number(value, real)
         return f"({text})" if text.startswith("-") else text
     return str(int(value)) if isinstance(value, bool) else str(value)
+
+
+def _lines(step: StepModel) -> Data:
+    lines = packed_lines(step)
+    terms = {f"LINE_{name.upper()}": lines.terms[:, place] for place, name in enumerate(LossTerms._fields)}
+    return terms | {
+        "LINES": len(lines.places),
+        "LINE_CHANNEL": lines.places.astype(np.int32),
+        "LINE_SIGN": lines.signs,
+        "LINE_TAPS": lines.velocity,
+        "LINE_LAGS": len(lines.velocity),
+    }
 
 
 def _load(load: PositionLoad, inputs: Sequence[str]) -> Data:
