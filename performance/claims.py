@@ -20,7 +20,18 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from sentences import LOAD, NAMES, ONLY_INTERVALS, WORLDS, Simulated, holds, sentences, simulated, write_logs
+from sentences import (
+    LOAD,
+    NAMES,
+    ONLY_INTERVALS,
+    SLIDING_M_S,
+    WORLDS,
+    Simulated,
+    holds,
+    sentences,
+    simulated,
+    write_logs,
+)
 from zero_sweep import RIG, Kind, evidence_of, raw_recordings
 
 from cylinder_friction.arrays import Array
@@ -39,6 +50,7 @@ from cylinder_friction.recordings.logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
 from cylinder_friction.rig.campaign_plan import CampaignPlan
+from cylinder_friction.rig.friction import REFERENCE_C
 
 KIND = Kind(0.15, 0.15)
 LOSSES_BAR = (0.0, 1.0, 2.0, 3.0, 6.0)
@@ -227,9 +239,41 @@ def intervals_of(
                 yield "Stribeck point", bool(abs(point.friction_n - true_n) <= point.half_width_n)
     plain = search.plain()
     for parameter in plain.parameters:
-        true_range = made.parameter(parameter.name, plain.recordings[0].split("_")[0])
-        if parameter.interval is not None and true_range is not None:
-            yield parameter.name, holds(parameter.interval, true_range)
+        condition, interval = plain.recordings[0].split("_")[0], parameter.interval
+        static = parameter.name == "static_n"
+        true_range = static_range_n(made, condition) if static else made.parameter(parameter.name, condition)
+        if interval is None or true_range is None:
+            continue
+        if parameter.name == "viscous_n_s_m":  # Each session has oil of its own temperature
+            yield "viscous_n_s_m, of all sessions", interval[0] <= true_range[0] and true_range[1] <= interval[1]
+        yield parameter.name, holds(interval, true_range)
+
+
+def static_range_n(made: Simulated, condition: str) -> tuple[float, float]:
+    """Return least and greatest static friction of a condition's sessions while extending [N].
+
+    The film of oil is gone, and pressures are those of sliding. Drift and place are what sliding shows of them.
+    """
+    constants, values = made.friction, list[float]()
+    for each in made.own(condition):
+        truth = each.truth[each.truth["velocity_m_s"] > SLIDING_M_S]
+        v_m_s, warm_c = truth["velocity_m_s"].to_numpy(), truth["oil_temperature_c"].to_numpy() - REFERENCE_C
+        higher, rod = (
+            1e-5 * np.maximum(truth[columns].to_numpy().max(axis=1), 0.0)
+            for columns in (["pressure_1_pa", "pressure_2_pa"], ["pressure_2_pa"])
+        )
+        level_n = constants.coulomb_n * (1.0 - constants.coulomb_temperature_1_k * warm_c)
+        level_n += constants.piston_seal_n * higher**0.8 + constants.rod_seal_n * rod**0.7
+        level_n *= (1.0 - constants.asymmetry) * constants.static_ratio
+        thin = np.exp(-constants.viscosity_temperature_1_k * warm_c)
+        film = (1.0 - 1.0 / constants.static_ratio) * np.minimum(v_m_s * thin / constants.film_velocity_m_s, 1.0) ** (
+            2.0 / 3.0
+        )
+        fall = np.exp(-v_m_s * thin / constants.stribeck_velocity_m_s)
+        seen = (1.0 - fall) / constants.static_ratio + (1.0 - film) * fall
+        dry_n = truth["friction_n"].to_numpy() - constants.viscous_n_s_m * thin * v_m_s
+        values.append(float(np.median(dry_n / (level_n * seen)) * np.mean(level_n)))
+    return min(values), max(values)
 
 
 PARTS = {

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -25,17 +26,26 @@ def arguments(tmp_path: Path, cylinder: Cylinder, speeds_m_s: list[float]) -> li
 
 def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:
     given = arguments(tmp_path, cylinder, [*np.geomspace(8e-3, 0.06, 9)] * 2)
+    log, warmer = pd.read_csv(tmp_path / "r.csv"), {"oil_temperature_c": {"channel": "T", "unit": "degC"}}
+    log.assign(T=np.linspace(27.0, 48.0, len(log))).to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump({"channels": CHANNELS | warmer}), encoding="utf-8")
     assert main([*given, "--generations", "1"]) == 0
     printed = capsys.readouterr().out
-    assert "LuGre: 1 recording of condition 1, error " in printed
+    assert re.search(r"\ncondition 1: \d+ points of steady sliding, oil of 27 to 48 °C, ", f"\n{printed}")
+    assert "LuGre: 1 recording of condition 1, oil of 27 to 48 °C, error " in printed
+    content = json.loads((tmp_path / "out/friction_models.json").read_text(encoding="utf-8"))
+    for found in (content["stribeck"]["1"], content["models"]["lugre"]):
+        assert found["oil_temperature_c"] == pytest.approx([27.0, 48.0], abs=0.5)
+    assert ", oil of 27 to 48 °C. " in (tmp_path / "out/friction_models.html").read_text(encoding="utf-8")
+    assert "oil of 27 to 48 °C" in (tmp_path / "out/lugre.mo").read_text(encoding="utf-8")
     assert "viscous_n_s_m" in printed
     assert re.search(r"condition 1: \d+ points .* friction does not rise towards standstill; record slower", printed)
     assert printed.count("towards standstill") == 1
     for name in ("static_n", "stribeck_velocity_m_s", "stribeck_exponent"):
         assert f"{name:<22} not determined: steady sliding of condition 1 does not show it\n" in printed
     for name in ("coulomb_n", "retract_ratio"):
-        assert f"{name:<22} not determined: the sensors' zeros are not stated, and one session does not" in printed
-    assert "zeros    zero the sensors and state how exactly (--sensor-class, or " in printed
+        assert f"{name:<22} not determined: the sensors' zeros are not stated, and strokes do not show" in printed
+    assert "zeros    state how exact the sensors are (--sensor-class, or " in printed
     assert "\nintervals of 95 % hold the scatter of recordings like these" in printed
     assert "; unstated delays of sensors and errors of the model itself come on top\n" in printed
     assert "LuGre, pressure-scaled: not identified: the sum of both pressures" in printed
@@ -48,5 +58,6 @@ def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pyte
 def test_json_and_status_of_a_failure(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*arguments(tmp_path, cylinder, [0.05, 0.06] * 6), "--json"]) == 1
     content = json.loads(capsys.readouterr().out)
+    assert content["stribeck"]["1"]["oil_temperature_c"] is None
     assert set(content["models"]) == {"lugre", "pressure_lugre"}
     assert "a factor of 1;" in content["models"]["lugre"]["why_not"]

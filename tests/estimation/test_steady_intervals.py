@@ -1,5 +1,6 @@
 """Viscous friction is told from pressure that changes with speed; candidate velocities follow strokes and rest."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +49,25 @@ def test_viscous_friction_is_told_from_pressure(
             assert not known or np.mean([each[name][0] <= value <= each[name][1] for each in found]) >= share, name
     still = strokes(0.0, 0.0, 0).with_columns(velocity_m_s=np.zeros(len(SPEEDS_M_S) * 2))
     assert steady_intervals([still], cylinder, 0.95)["coulomb_n"] == (-np.inf, np.inf)
+
+
+def test_viscous_friction_is_held_from_the_coldest_oil_to_the_warmest(cylinder: Cylinder) -> None:
+    """Each session has oil of its own; without its temperatures, the interval is that of a mixture."""
+    oils_c, held, mixture = (24.0, 31.0, 38.0, 46.0), [], []
+    viscous_n_s_m = [VISCOUS_N_S_M * math.exp(-0.035 * (oil_c - 40.0)) for oil_c in oils_c]
+    for seed in range(20):
+        logs = []
+        for number, (oil_c, own_n_s_m) in enumerate(zip(oils_c, viscous_n_s_m, strict=True)):
+            one = strokes(4.0, 0.0, 4 * seed + number)
+            warmer_n = (own_n_s_m - VISCOUS_N_S_M) * one.column("velocity_m_s")
+            measured_c = oil_c + np.random.default_rng(seed).normal(0.0, 0.05, len(one))
+            logs.append(one.with_columns(friction_n=one.column("friction_n") + warmer_n, oil_temperature_c=measured_c))
+        for found, known in ((held, logs), (mixture, [each.without_columns("oil_temperature_c") for each in logs])):
+            lower, upper = steady_intervals(known, cylinder, 0.95)["viscous_n_s_m"]
+            found.append(lower <= min(viscous_n_s_m) and max(viscous_n_s_m) <= upper)
+            assert upper < 1.4 * max(viscous_n_s_m)
+    assert np.mean(held) >= 0.9
+    assert np.mean(mixture) <= 0.1
 
 
 def test_few_strokes_do_not_tell_viscous_friction_from_a_slow_fall(cylinder: Cylinder) -> None:

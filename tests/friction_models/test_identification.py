@@ -1,3 +1,6 @@
+import math
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -153,6 +156,25 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(cylinder: Cylinder)
         intervals = confidence_intervals(motions, found.parameters, tuple(found.intervals), 0.8)
         inside += sum(intervals[name][0] <= getattr(truth, name) <= intervals[name][1] for name in names)
     assert 12 <= inside <= 24
+
+
+def test_intervals_hold_the_scatter_of_whole_recordings(cylinder: Cylinder) -> None:
+    """Dry friction differs by 5 % from session to session, as with the oil's temperature, and by little within one."""
+    truth, generator = lugre_to_find(cylinder.moving_mass_kg), np.random.default_rng(0)
+    velocity, motions = 0.05 * np.sin(2.0 * SAMPLE_TIME_S * np.arange(4000)), []
+    levels = generator.permutation(np.linspace(0.95, 1.05, 6))
+    for level in levels:
+        own = replace(truth, coulomb_n=level * truth.coulomb_n, static_n=level * truth.static_n)
+        friction = simulate(own, velocity, SAMPLE_TIME_S, new_bristle()) + generator.normal(0.0, 5.0, 4000)
+        motions.append(Motion(velocity, np.zeros(4000), friction, np.arange(4000) > 200))
+    both = [
+        confidence_intervals(Motions.of(motions, SAMPLE_TIME_S, LuGre()), truth, ("coulomb_n",), 0.95, 0.0, differ)
+        for differ in (False, True)
+    ]
+    alike, different = (0.5 * math.log(each["coulomb_n"][1] / each["coulomb_n"][0]) for each in both)
+    expected = 2.57 * float(np.std(levels, ddof=1)) / math.sqrt(6.0)
+    assert 0.7 * expected < different < 3.0 * expected
+    assert alike < 0.5 * different
 
 
 def test_what_the_motion_says_nothing_about_gets_a_wide_interval(cylinder: Cylinder) -> None:

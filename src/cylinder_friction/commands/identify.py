@@ -26,7 +26,8 @@ def _lines(result: FrictionModels) -> list[str]:
     for curve in result.curves:
         fitted = "no curve: " if curve.curve is None else "curve fitted; " if curve.reasons else "curve fitted"
         points = counted(len(curve.points), "point")
-        lines.append(f"condition {curve.condition}: {points} of steady sliding, {fitted}{curve.reasons}")
+        sliding = f"{points} of steady sliding, {curve.oil.in_words()}"
+        lines.append(f"condition {curve.condition}: {sliding}, {fitted}{curve.reasons}")
     for model in result.models:
         if model.found is None:
             lines += ["", f"{model.title}: not identified: {model.why_not}"]
@@ -34,6 +35,7 @@ def _lines(result: FrictionModels) -> list[str]:
         count = counted(len(model.recordings), "recording")
         conditions = [each.condition for each in result.curves if {*each.recordings} & {*model.recordings}]
         count += f" of condition{'s' * (len(conditions) > 1)} {', '.join(conditions)}"
+        count += f", {model.oil.in_words()}"
         lines += ["", f"{model.title}: {count}, error {model.found.error_percent:.1f} % of mean |friction|"]
         lines += [_line(each) for each in model.parameters]
     return lines

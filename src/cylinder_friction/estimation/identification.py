@@ -22,6 +22,7 @@ from cylinder_friction.estimation.identified_model import (
     FrictionModels,
     IdentifiedCurve,
     IdentifiedModel,
+    OilTemperature,
     Zeros,
     determined,
     matlab_script,
@@ -253,6 +254,7 @@ class ModelSearch:
         shift_n = min(zeros.half_n, _level_n(recordings))  # Unknown zeros may shift friction by as much as there is
         given: dict[str, Any] = {"mass_kg": self.run.cylinder.moving_mass_kg, "damping_ratio": DAMPING_RATIO}
         given |= {"dead_band_m_s": self.slowest_m_s, "confidence": CONFIDENCE, "alike": FITS_ALIKE}
+        given["recordings_differ"] = True
         given["offset_n"] = shift_n / COVERAGE_FACTOR
         longer = max(1.0, SIMULATED_RECORDINGS / len(recordings))
         effort = replace(self.effort, piece_s=longer * PIECE_S, polished_piece_s=longer * POLISHED_PIECE_S)
@@ -280,10 +282,11 @@ class ModelSearch:
         bent_m = found.parameters.value("coulomb_n") / found.parameters.value("bristle_stiffness_n_m")
         why_not["bristle_stiffness_n_m"] = COARSE.format(bent_m, self.step_m) if bent_m < self.step_m else ""
         lines_n = lines_uncertain_n(recordings[0], self.run.cylinder, np.ones(1))
-        why_not["viscous_n_s_m"] = loss or no_viscous_seen(intervals["viscous_n_s_m"], lines_n)
-        parameters = determined(model, found, zeros, why_not)
+        oil = OilTemperature.of(recordings)
+        why_not["viscous_n_s_m"] = loss or no_viscous_seen(intervals["viscous_n_s_m"], lines_n, oil)
+        parameters = determined(model, found, zeros, why_not, oil)
         names = tuple(recording.name for recording in recordings)
-        return IdentifiedModel(model.name, model.title, names, "", parameters, found)
+        return IdentifiedModel(model.name, model.title, names, "", parameters, found, oil)
 
 
 def simpler(models: Sequence[IdentifiedModel], simulated: Sequence[tuple[Recording, Mapping[str, Array]]]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.steady_intervals import lines_uncertain_n, steady_intervals
+from cylinder_friction.estimation.steady_intervals import VISCOSITY_FALL_1_K, lines_uncertain_n, steady_intervals
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
@@ -29,6 +29,7 @@ from cylinder_friction.friction_models.parameters import ParameterSpec
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import NINE_OF_TEN, KnownOffset
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.conversion import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows
@@ -67,8 +68,10 @@ SIGNS = (
 CONFIDENCE = 0.95
 INTERVALS = (
     f"intervals of {100.0 * CONFIDENCE:g} % hold the scatter of recordings like these and what the sensors' zeros and "
-    "the stated losses of lines may shift; unstated delays of sensors and errors of the model itself come on top"
+    "the stated losses of lines may shift, that of viscous friction its values from the coldest to the warmest oil if "
+    "temperatures are recorded; unstated delays of sensors and errors of the model itself come on top"
 )
+OIL_UNKNOWN = "oil temperature unknown"
 WIDEST = 4.0
 """Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
 LEAST_PRESSURE_SPAN = 1.5
@@ -132,6 +135,32 @@ class Zeros:
 
 
 @dataclass(frozen=True)
+class OilTemperature:
+    """Oil temperatures of the recordings that a curve or model was found from."""
+
+    range_c: tuple[float, float] | None  # Coldest and warmest oil in usable rows [°C]; None if a recording has none
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording]) -> Self:
+        if not all(OIL_TEMPERATURE in each.columns and each.usable().any() for each in recordings):
+            return cls(None)
+        own_c = np.concatenate([each.column(OIL_TEMPERATURE)[each.usable()] for each in recordings])
+        return cls((float(own_c.min()), float(own_c.max())))
+
+    @property
+    def widest(self) -> float:
+        """Largest ratio of viscous friction's limits if it is determined: ``WIDEST`` in oil of one temperature."""
+        cold_c, warm_c = self.range_c or (0.0, 0.0)
+        return WIDEST * math.exp(VISCOSITY_FALL_1_K * (warm_c - cold_c))
+
+    def in_words(self) -> str:
+        return OIL_UNKNOWN if self.range_c is None else "oil of {:.0f} to {:.0f} °C".format(*self.range_c)
+
+
+NO_OIL_TEMPERATURE = OilTemperature(None)
+
+
+@dataclass(frozen=True)
 class IdentifiedCurve:
     """Points of steady sliding in one condition, and the line through them."""
 
@@ -142,6 +171,7 @@ class IdentifiedCurve:
     zeros: Zeros
     why_not: str  # Why there is none
     unknown: Mapping[str, str]  # Why steady sliding does not show parameters of the line, by name
+    oil: OilTemperature
 
     @classmethod
     def through(
@@ -163,9 +193,10 @@ class IdentifiedCurve:
             curve, why_not = None, zeros.why_not if loss is None else loss.unknown_viscous
         lines_n = lines_uncertain_n(recordings[0], cylinder, np.array([point.velocity_m_s for point in points]))
         own, unknown = list[StribeckPoint](), dict.fromkeys(SLOW_PARAMETERS if slow else (), slow)
+        oil = OilTemperature.of(recordings)
         if curve is not None:
             interval = steady_intervals(recordings, cylinder, CONFIDENCE)["viscous_n_s_m"]
-            if viscous := no_viscous_seen((*interval, curve.viscous_n_s_m), lines_n):
+            if viscous := no_viscous_seen((*interval, curve.viscous_n_s_m), lines_n, oil):
                 unknown["viscous_n_s_m"] = f"viscous friction has no number: {viscous}"
         for each, line_n in zip(points, lines_n.tolist(), strict=True):
             lost_n = 0.0 if loss is None else float(loss.most_n(np.array(each.velocity_m_s)))
@@ -173,7 +204,7 @@ class IdentifiedCurve:
             half_n = max(half_n, line_n + NINE_OF_TEN * math.hypot(each.half_width_n, zeros.half_n))
             own.append(replace(each, half_width_n=half_n + lost_n))
         names = tuple(each.name for each in recordings)
-        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, unknown)
+        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, unknown, oil)
 
     @property
     def reasons(self) -> str:
@@ -187,7 +218,8 @@ class IdentifiedCurve:
         """
         curve = None if self.curve is None else asdict(self.curve) | dict.fromkeys(self.unknown)
         points = [{**asdict(point), "half_width_n": point.known_half_width_n} for point in self.points]
-        return {"recordings": list(self.recordings), "points": points, "curve": curve, "why_not": self.reasons}
+        about = {"recordings": list(self.recordings), "oil_temperature_c": self.oil.range_c}
+        return {**about, "points": points, "curve": curve, "why_not": self.reasons}
 
 
 def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
@@ -203,13 +235,13 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
     return f"at the slowest steady sliding, {1e3 * slowest_m_s:.2g} mm/s, friction {seen}; record slower strokes"
 
 
-def no_viscous_seen(held_n_s_m: Sequence[float], lines_n: Array) -> str:
+def no_viscous_seen(held_n_s_m: Sequence[float], lines_n: Array, oil: OilTemperature) -> str:
     """State why strokes do not determine viscous friction; empty if they do.
 
     ``held_n_s_m`` are numbers that its interval holds [N s/m]. ``lines_n`` is the expanded uncertainty of the stated
     losses of lines at some speeds [N].
     """
-    if max(held_n_s_m) <= WIDEST * min(held_n_s_m):
+    if max(held_n_s_m) <= oil.widest * min(held_n_s_m):
         return ""
     return UNSEPARATED_FROM_LINES if lines_n.any() else UNSEPARATED
 
@@ -238,6 +270,7 @@ class IdentifiedModel:
     why_not: str = ""  # Why nothing could be identified
     parameters: tuple[IdentifiedParameter, ...] = ()
     found: Identification | None = None
+    oil: OilTemperature = NO_OIL_TEMPERATURE
 
     @property
     def pressure_scaled(self) -> bool:
@@ -253,6 +286,7 @@ class IdentifiedModel:
         if self.found is None:
             return content | {"why_not": self.why_not}
         return content | {
+            "oil_temperature_c": self.oil.range_c,
             "equation": list(self.equation),
             "velocity": self.found.velocity,
             "mean_absolute_error_n": self.found.error_n,
@@ -291,13 +325,17 @@ class FrictionModels:
 
 
 def determined(
-    model: LuGre, found: Identification, zeros: Zeros, unknown: Mapping[str, str]
+    model: LuGre,
+    found: Identification,
+    zeros: Zeros,
+    unknown: Mapping[str, str],
+    oil: OilTemperature = NO_OIL_TEMPERATURE,
 ) -> tuple[IdentifiedParameter, ...]:
     """List every parameter of the model. One that the motion does not determine, or is ``unknown``, has no number.
 
     ``unknown`` has reasons by parameter; an empty one does not count.
     """
-    why_not = {spec.name: unknown.get(spec.name) or _unknown(spec, found, zeros) for spec in model.searched}
+    why_not = {spec.name: unknown.get(spec.name) or _unknown(spec, found, zeros, oil) for spec in model.searched}
     if why_not["stribeck_velocity_m_s"] and not why_not["stribeck_exponent"]:
         why_not["stribeck_exponent"] = SHAPELESS
     parameters = []
@@ -328,11 +366,11 @@ def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
     )
 
 
-def _unknown(spec: ParameterSpec, found: Identification, zeros: Zeros) -> str:
+def _unknown(spec: ParameterSpec, found: Identification, zeros: Zeros, oil: OilTemperature) -> str:
     lower, upper = found.intervals[spec.name]
-    shifted = spec.name in SHIFTED_BY_ZEROS
-    if upper > WIDEST * lower or (shifted and math.isinf(zeros.half_n)):
-        return (zeros.why_not if shifted else "") or f"its interval spans more than a factor of {WIDEST:g}"
+    shifted, widest = spec.name in SHIFTED_BY_ZEROS, oil.widest if spec.name == "viscous_n_s_m" else WIDEST
+    if upper > widest * lower or (shifted and math.isinf(zeros.half_n)):
+        return (zeros.why_not if shifted else "") or f"its interval spans more than a factor of {widest:.2g}"
     if spec.relative_to != "" or spec.may_be_zero:
         return ""
     at_limit = upper >= (1.0 - _AT_THE_LIMIT) * spec.upper or lower <= (1.0 + _AT_THE_LIMIT) * spec.lower
@@ -364,7 +402,7 @@ def _comments(model: IdentifiedModel, cylinder: Cylinder) -> list[str]:
     count = counted(len(model.recordings), "recording")
     origin = (
         f"{model.title}: friction of {cylinder.name}, identified from {count}; "
-        f"mean error {model.found.error_percent:.1f} % of mean friction"
+        f"{model.oil.in_words()}; mean error {model.found.error_percent:.1f} % of mean friction"
     )
     return [origin, *model.equation, *(SIGNS if model.pressure_scaled else SIGNS[:1])]
 

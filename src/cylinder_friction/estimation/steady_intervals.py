@@ -11,7 +11,7 @@ from cylinder_friction.labelling.apparent_loss import STRIBECK_SPEEDS_M_S
 from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks, sliding_blocks
 from cylinder_friction.labelling.uncertainty import line_uncertainty
-from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, OIL_TEMPERATURE, PRESSURES
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal_velocity import CausalVelocity
 
@@ -26,6 +26,10 @@ NO_FALL_M_S = 1e-4
 ALIKE, LIKELY = 1.05, 1.92
 """Largest ratio of an error to the least one at which another Stribeck velocity describes friction as well; or, if that
 allows more, its logarithm times the number of strokes, as few strokes hardly tell them apart (95 %, Laplace's law)."""
+VISCOSITY_FALL_1_K = 0.03
+"""Typical fall of a hydraulic oil's viscosity near 40 °C [1/K], for temperatures between the coldest and warmest."""
+LEAST_WARMING_C = 2.0
+"""Least span of oil temperatures over which viscous friction may differ [°C]; below it, the oil counts as one."""
 _NAMES = ("viscous_n_s_m", "coulomb_n")
 
 
@@ -78,20 +82,23 @@ def steady_intervals(
     In the fit, dry friction may fall with speed and change with pressure, in each direction in its own way, and each
     recording has its own level. Pressure is that of the side that the oil leaves, as the other one contains friction.
     Blocks of a stroke count as one. What strokes do not tell apart widens the intervals, which are infinite without
-    enough strokes in both directions. Coulomb friction is that of extension, at the mean of these pressures or
-    ``at_zero`` pressure; the sensors' zeros may shift it by ``zeros_n``. An error of the stated losses of lines, which
-    grows with speed, shifts both.
+    enough strokes in both directions. If the oil's temperature is measured, the interval of viscous friction holds it
+    from the coldest oil of the recordings to the warmest. Coulomb friction is that of extension, at the mean of these
+    pressures or ``at_zero`` pressure; the sensors' zeros may shift it by ``zeros_n``. An error of the stated losses of
+    lines, which grows with speed, shifts both.
     """
     parts = [sliding_blocks(each, cylinder, prior_n=0.0) for each in recordings]
     blocks = SlidingBlocks.together(parts)
-    ways, speed = (blocks.direction > 0.0, blocks.direction < 0.0), np.abs(blocks.columns["velocity_m_s"])
+    ways = blocks.direction > 0.0, blocks.direction < 0.0
+    speed: Array = np.abs(blocks.columns["velocity_m_s"])
     if not all(way.any() for way in ways):
         return dict.fromkeys(_NAMES, (-np.inf, np.inf))
     part = np.repeat(np.arange(len(parts), dtype=np.int64), [len(each.stroke) for each in parts])
-    known = [speed]
+    viscous = _by_temperature(speed, blocks.columns.get(OIL_TEMPERATURE, speed[:0]))
+    known: list[Array] = [*viscous]
     for way in ways:  # levels of dry friction: their mean, then the deviation of each recording but the first
         first, *others = np.unique(part[way])
-        known += [1.0 * way, *(way * (1.0 * (part == each) - (part == first)) for each in others)]
+        known += [way.astype(np.float64), *(way * (1.0 * (part == each) - (part == first)) for each in others)]
     if set(PRESSURES) <= blocks.columns.keys():
         leaving_bar = [1e-5 * blocks.columns[name] for name in reversed(PRESSURES)]
         known += [way * (bar - (not at_zero) * bar[way].mean()) for way, bar in zip(ways, leaving_bar, strict=True)]
@@ -103,14 +110,27 @@ def steady_intervals(
         fit = robust_fit(design, blocks.label_n * blocks.direction)
         half = clustered_half_widths(design, fit, strokes, confidence)
         half = np.hypot(half, np.linalg.lstsq(design, lines_n)[0])
-        half[1] = np.hypot(half[1], zeros_n)
+        half[len(viscous)] = np.hypot(half[len(viscous)], zeros_n)
         fits.append((float(np.abs(fit.residuals).sum()), fit.coefficients - half, fit.coefficients + half))
     most = max(ALIKE, math.exp(LIKELY / (strokes.max() + 1))) * min(error for error, _, _ in fits)
     alike = [(lower, upper) for error, lower, upper in fits if error <= most]
+    places = slice(len(viscous)), slice(len(viscous), len(viscous) + 1)
     return {
-        name: (float(min(lower[place] for lower, _ in alike)), float(max(upper[place] for _, upper in alike)))
-        for place, name in enumerate(_NAMES)
+        name: (float(min(lower[of].min() for lower, _ in alike)), float(max(upper[of].max() for _, upper in alike)))
+        for name, of in zip(_NAMES, places, strict=True)
     }
+
+
+def _by_temperature(speed: Array, oil_c: Array) -> list[Array]:
+    """Split speed into columns whose coefficients are viscous friction in the coldest and in the warmest oil.
+
+    In between, viscous friction falls as viscosity does. One column if the temperature is unknown or hardly changes.
+    """
+    if not len(oil_c) or np.ptp(oil_c) < LEAST_WARMING_C:
+        return [speed]
+    thin: Array = np.exp(-VISCOSITY_FALL_1_K * (oil_c - oil_c.min()))
+    cold: Array = (thin - thin.min()) / (1.0 - thin.min())
+    return [speed * cold, speed * (1.0 - cold)]
 
 
 def lines_uncertain_n(recording: Recording, cylinder: Cylinder, velocity_m_s: Array) -> Array:

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import ndtri, stdtrit
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.simulation import Motions
@@ -18,7 +18,12 @@ _GREATEST_LOG = math.log(1e3)
 
 
 def confidence_intervals(
-    motions: Motions, parameters: ModelParameters, names: tuple[str, ...], confidence: float, offset_n: float = 0.0
+    motions: Motions,
+    parameters: ModelParameters,
+    names: tuple[str, ...],
+    confidence: float,
+    offset_n: float = 0.0,
+    recordings_differ: bool = False,
 ) -> dict[str, tuple[float, float]]:
     """Compute the confidence interval of each named parameter, in the parameter's own unit.
 
@@ -27,7 +32,8 @@ def confidence_intervals(
     is the sum over blocks of ``(J' sgn r)(J' sgn r)'``. Residuals within a block may be correlated; only the blocks
     must be independent. A parameter that the motion does not determine gets a wide interval, at most a factor of a
     thousand either way. All friction may have an offset with the standard uncertainty ``offset_n`` [N]; what it shifts
-    is part of each interval.
+    is part of each interval. If ``recordings_differ``, as with the oil's temperature, intervals also hold the scatter
+    of whole recordings: scores are summed over each, and the quantile is Student's for their number.
     ``parameters`` is the best result of the search, and ``names`` are its searched fields, all of them positive.
 
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
@@ -42,11 +48,19 @@ def confidence_intervals(
     inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
     shifted = inverse @ (2.0 * density * offset_n * sensitivity.sum(axis=0))
     covariance = inverse @ (totals.T @ totals) @ inverse + np.outer(shifted, shifted)
-    reach = float(ndtri(0.5 + 0.5 * confidence))
+    variances = float(ndtri(0.5 + 0.5 * confidence)) ** 2 * np.diag(covariance)
+    count = len(motions.starts) - 1
+    if recordings_differ and count > 1:
+        recording = np.repeat(np.arange(count), np.diff(motions.starts))[usable]
+        totals = np.zeros((count, len(names)))
+        np.add.at(totals, recording, scores)
+        covariance = inverse @ (totals.T @ totals) @ inverse * (count / (count - 1)) + np.outer(shifted, shifted)
+        reach = float(stdtrit(count - 1, 0.5 + 0.5 * confidence))
+        variances = np.maximum(variances, reach**2 * np.diag(covariance))
     intervals = {}
     for number, name in enumerate(names):
         felt = bool(np.abs(sensitivity[:, number]).max() > 0.0)
-        half = min(reach * math.sqrt(max(covariance[number, number], 0.0)), _GREATEST_LOG) if felt else _GREATEST_LOG
+        half = min(math.sqrt(max(variances[number], 0.0)), _GREATEST_LOG) if felt else _GREATEST_LOG
         value = getattr(parameters, name)
         intervals[name] = (value * math.exp(-half), value * math.exp(half))
     return intervals

@@ -84,6 +84,7 @@ def identify(
     confidence: float,
     offset_n: float = 0.0,
     alike: float | None = None,
+    recordings_differ: bool = False,
 ) -> Identification:
     """Identify a friction model from labelled recordings.
 
@@ -103,6 +104,7 @@ def identify(
         alike: Intervals also contain what is identified with each other velocity whose error exceeds the least by at
             most this share of mean |friction|: filter and gate bias parameters by more than noise scatters them. None:
             they do not.
+        recordings_differ: Whether intervals also hold the scatter of whole recordings.
 
     Raises:
         ValueError: Steady sliding gives too few points.
@@ -127,7 +129,7 @@ def identify(
     point, history = _search(offered[chosen], polished, coordinates, looks, effort)
     parameters = coordinates.parameters(point)
     everything, names = motions_of(recordings, chosen, every=1), tuple(spec.name for spec in model.searched)
-    intervals = confidence_intervals(everything, parameters, names, confidence, offset_n)
+    intervals = confidence_intervals(everything, parameters, names, confidence, offset_n, recordings_differ)
     error_n, level_n = everything.error_of(parameters.packed()), everything.mean_friction_n
     as_searched_n = motions_of(recordings, chosen).error_of(parameters.packed())
     others = () if alike is None else tqdm(velocities, f"intervals {model.title}", unit="velocity", disable=None)
