@@ -70,7 +70,8 @@ def test_estimate_without_a_model(
     assert (
         "friction half of extending less retracting at equal position\n"
         "bounds   they hold friction in about 95 % of the rows (k = 2) if sensors, load and cylinder are as stated; "
-        "docs/trust.md lists each assumption and what happens if it is wrong; assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
+        "docs/trust.md lists each assumption and what happens if it is wrong; assumed, not stated: "
+        "pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
     ) in capsys.readouterr().out
     one = labelled_recordings[0]
     write_log(log, one.with_columns(pressure_1_pa=one.column("pressure_1_pa") + 0.45e5))
