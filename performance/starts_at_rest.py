@@ -29,6 +29,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.labelling.known_offset import training_models, without_offsets
 from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.stream import RealTimeStream
@@ -41,6 +42,7 @@ Made = list[tuple[Recording, Array]]
 """Recordings, and the true friction of each [N]."""
 SESSIONS, TRAINED, DURATION_S = 6, 4, 40.0  # Sessions in each condition, how many of these train, and their duration
 WEIGHT_N, GRAVITY_M_S2 = 1500.0, 9.81
+UNEVEN = replace(PLAN, asymmetry=0.4)  # The rod's seal of the servo rig resists one direction more
 REST_M_S, REST_S = 5e-4, 0.2
 """A recording of the servo rig is cut where the piston has been slower for at least so long."""
 
@@ -53,6 +55,7 @@ class Rig:
     load: PositionLoad | None
     record: Callable[[Start, int], Made]
     starts: tuple[Start, ...]
+    plan: OffsetPlan = PLAN
 
 
 def bench(weight_n: float, zero_bar: float) -> Rig:
@@ -79,7 +82,7 @@ def servo(zero_bar: float) -> Rig:
         found = [(_stated(each.recording, Kind(zero_bar, zero_bar)), each.true_friction_n) for each in made]
         return [_cut(*each) for each in found] if start == "rest" else found
 
-    return Rig(made_by.CYLINDER, None, record, ("work", "rest"))
+    return Rig(made_by.CYLINDER, None, record, ("work", "rest"), UNEVEN)
 
 
 def _cut(recording: Recording, truth_n: Array) -> tuple[Recording, Array]:
@@ -104,7 +107,7 @@ def trained(rig: Rig, epochs: int) -> HybridEstimator:
     for each in labelled:
         turns.setdefault(each.metadata.condition, []).append(each)
     parts = [[each for own in turns.values() for each in own[some]] for some in (slice(TRAINED), slice(TRAINED, None))]
-    models, why_not = training_models(parts[0], rig.cylinder, PLAN)
+    models, why_not = training_models(parts[0], rig.cylinder, rig.plan)
     if why_not:
         raise SystemExit(f"the offsets of the training sessions are not known: {why_not}")
     train, calibration = (without_offsets(part, models) for part in parts)
