@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -174,6 +176,22 @@ def test_a_mistyped_mapping_removes_no_result(run: Run, folder: Path) -> None:
     assert (result.refused, result.new) == ([], ())
     assert not any(each.outdated or each.gone for each in result.recordings)
     assert content(folder.with_name("out")).keys() == before.keys()
+
+
+@pytest.mark.parametrize(("name", "shown"), [(b"a\xff.csv", "a\\udcff.csv"), (b"a\n.csv", "a\\u000a.csv")])
+@pytest.mark.parametrize("options", [{}, {"channels": None, "units": {"pressure": "bar", "length": "mm", "time": "s"}}])
+def test_a_name_that_is_no_text_costs_only_its_own_file(
+    run: Run, folder: Path, name: bytes, shown: str, options: dict[str, object]
+) -> None:
+    shutil.copy2(folder / "log00.csv", os.fsencode(folder) + b"/" + name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # the guessed mapping
+        result = run(**options)
+    assert ([each.file for each in result.refused], len(result.recordings)) == ([shown], 5)
+    assert "rename it" in result.refused[0].reason
+    out = folder.with_name("out")
+    assert json.loads((out / "summary.json").read_text())["refused"][0]["file"] == shown
+    assert shown in (out / "friction.html").read_text()
 
 
 def test_a_session_that_gets_another_file_is_identified_again_as_a_whole(run: Run, folder: Path) -> None:

@@ -228,6 +228,18 @@ def test_a_changed_bore_is_named_and_processed_anew_and_other_oil_scales_the_lea
         assert now["leak_m3_s_pa"] == pytest.approx(was["leak_m3_s_pa"] and 0.5 * was["leak_m3_s_pa"])
 
 
+@pytest.mark.parametrize("place", ["logs", "logs/a"])
+def test_a_name_that_is_no_text_costs_only_its_own_log(folder: Path, fleet: Fleet, place: str) -> None:
+    bad = folder / place / os.fsdecode(b"x\xff.csv")
+    shutil.copy(folder / "logs/a/2026-03-01.csv", bad)
+    os.utime(bad, (1e9, 1e9))
+    health = run(folder, fleet)
+    (refused,) = health.refused
+    assert (health.status, refused.file.endswith("x\\udcff.csv")) == (1, True)
+    assert {each.cylinder: each.sessions for each in health.lines} == {"a": 3, "b": 2}
+    assert "x\\udcff.csv" in (folder / "health/health.html").read_text().replace("<wbr>", "")
+
+
 def test_a_log_that_is_damaged_later_stays_assessed_and_one_that_a_mapping_refuses_does_not(
     folder: Path, fleet: Fleet
 ) -> None:

@@ -23,7 +23,8 @@ from cylinder_friction.files.whole_files import read_json, whole_file, write_tex
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.realtime.trained_for import OtherCylinderError as OtherCylinderError  # noqa: PLC0414 - also from here
-from cylinder_friction.recordings.conversion import LoggedFile, Quarantined
+from cylinder_friction.recordings.conversion import LoggedFile
+from cylinder_friction.recordings.conversion import Quarantined as Quarantined  # noqa: PLC0414 - also from here
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_beside, read_recording, write_recording
 

@@ -40,6 +40,7 @@ from cylinder_friction.recordings.recording import (
     RecordingMetadata,
 )
 from cylinder_friction.recordings.timeline.aligning import RowsLeftOut, align
+from cylinder_friction.wording import printable
 
 RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
 """Largest difference of samples that count as equal, because units or formats differ [m, N]; pressures: 1e-3 Pa."""
@@ -103,11 +104,17 @@ def overlaps_in_words(recordings: Iterable[tuple[Any, float]]) -> str:
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A file (its path below the source), or a ``piece`` of one, that did not become a recording, and why."""
+    """A file (its path below the source), or a ``piece`` of one, that did not become a recording, and why.
+
+    Bytes of the path that are not UTF-8, and control characters, are escaped, because pages and JSON hold it.
+    """
 
     file: str
     reason: str
     piece: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "file", printable(self.file))
 
     @property
     def where(self) -> str:

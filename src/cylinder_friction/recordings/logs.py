@@ -47,6 +47,7 @@ from cylinder_friction.recordings.mapping.guessing import GuessedMapping, guess_
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines, refuse_unknown
 from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata, Start
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
+from cylinder_friction.wording import printable
 
 _PACKAGE = Path(__file__).parents[1]
 KEYS = (
@@ -274,7 +275,7 @@ def find_logs(
         ) from error
     return replace(
         logs.with_sensor_class(sensor_class),
-        guessed=None if guess is None else {"from": guess.path.name, "columns": guess.to_dict()},
+        guessed=None if guess is None else {"from": printable(guess.path.name), "columns": guess.to_dict()},
         tables={name: tables for name, path in logs.files.items() if guess is not None and path == guess.path},
         inputs=(*existing([*given, mapping]), *paths),
     )
@@ -302,7 +303,7 @@ def _guessed(
             guess = replace(guess, columns={name: each for name, each in guess.columns.items() if name != LOAD_FORCE})
         refuse_unknown(guess, units)
     except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
+        raise RecordingError(f"{printable(str(path))}: {error}") from error
     lines = "\n".join(channel_lines(guess))
     warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
     return guess, [] if tables[0].more else tables
