@@ -1,5 +1,6 @@
 """A first mapping of a logger's file; inspecting files: the checks say what is wrong, the page shows what is there."""
 
+import os
 import shutil
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -54,6 +55,14 @@ def inspected(folder: Path, log: pd.DataFrame, *overrides: str) -> tuple[str, bo
     """Return what the checks say of a log, whether it is refused, and its page."""
     report, refused = inspect_path(write(folder, log), params_for(*overrides), folder / "page.html")
     return report, refused, unpacked((folder / "page.html").read_text(encoding="utf-8"))
+
+
+def test_a_name_that_is_no_text_is_escaped_on_the_page(tmp_path: Path, log: pd.DataFrame) -> None:
+    path = write(tmp_path, log)
+    path = path.rename(tmp_path / os.fsdecode(b"condition1_\xff.csv"))
+    report, _ = inspect_path(path, params_for(), tmp_path / "page.html")
+    assert "condition1_\\udcff.csv" in report
+    assert "condition1_\\udcff.csv" in unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
 
 
 def held(log: pd.DataFrame, column: str, first: int, last: int, value: float | None = None) -> pd.DataFrame:

@@ -18,6 +18,7 @@ from cylinder_friction.recordings.conversion import (
 )
 from cylinder_friction.recordings.logs import Recipe, name_of
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.wording import printable
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
@@ -32,7 +33,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
             if piece is None or recording is None or subject.outcome == "refused":
                 yield subject
                 continue
-            if problem := duplicates.problem(recording.name, name, samples_hash(piece.columns)):
+            if problem := duplicates.problem(recording.name, printable(name), samples_hash(piece.columns)):
                 subject = subject.with_findings(Finding("duplicate", "refused", problem))
             yield subject
 
@@ -47,7 +48,8 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
         names = recipe.names.names(name)
     except RecordingError as error:
         findings.append(Finding("names", "noted", str(error)))
-        names = RecordingMetadata(name_of(name), "", "", math.nan)
+        names = RecordingMetadata(name_of(printable(name)), "", "", math.nan)
+    name = printable(name)  # pages hold it
     about = metadata_of(names, name, "", recipe)
     try:
         pieces = pieces_from(open_tables(path, recipe), recipe, about)
