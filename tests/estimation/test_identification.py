@@ -1,10 +1,12 @@
 """Logs become friction models: known parameters are found, and what the motion does not determine has no number."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
@@ -114,3 +116,25 @@ def test_a_load_in_friction_is_no_parameter(tmp_path: Path, cylinder: Cylinder) 
     words = r"r\.csv: friction_n holds a load, a sensor's zero or the loss of a line, of about \d{3} N"
     with pytest.raises(RecordingError, match=words):
         identify_logs(tmp_path / "r.csv", cylinder, tmp_path / "out", channels=CHANNELS)
+
+
+@pytest.mark.extended
+def test_viscous_and_static_friction_are_held_over_the_oils_temperatures(tmp_path: Path, cylinder: Cylinder) -> None:
+    truth, oils_c = lugre_to_find(600.0, 0.0), np.linspace(27.0, 48.0, 4)
+    thin = np.exp(-0.035 * (oils_c - 40.0))
+    for number, (oil_c, ratio) in enumerate(zip(oils_c, thin, strict=True)):
+        own = replace(truth, viscous_n_s_m=float(ratio) * truth.viscous_n_s_m)
+        log = write_lugre_log(tmp_path / f"r{number}.csv", own, cylinder, SPEEDS_M_S, seed=number)
+        pd.read_csv(log).assign(T=oil_c).to_csv(log, index=False)
+    channels = STATED | {"oil_temperature_c": {"channel": "T", "unit": "degC"}}
+    result = identify_logs(tmp_path / "r*.csv", cylinder, tmp_path / "out", channels=channels, generations=1)
+    held = {each.name: each.interval for each in model_of(result, "lugre").parameters}
+    assert model_of(result, "lugre").oil.range_c == pytest.approx((27.0, 48.0))
+    for name, low, high in (
+        ("viscous_n_s_m", thin.min() * truth.viscous_n_s_m, thin.max() * truth.viscous_n_s_m),
+        ("static_n", truth.static_n, truth.static_n),
+        ("coulomb_n", truth.coulomb_n, truth.coulomb_n),
+    ):
+        lower, upper = held[name] or (math.nan, math.nan)
+        assert lower <= low <= high <= upper, name
+        assert upper < 2.0 * lower * high / low, name

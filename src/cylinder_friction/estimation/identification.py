@@ -68,7 +68,8 @@ SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 Pieces of fewer recordings are longer, so that they show as many speeds."""
 FITS_ALIKE, LEAST_SHARE, SOFTENED = 0.01, 0.02, 2.0
 """A velocity fits as well as the best one if its error is greater by at most the first share of mean |friction|. Least
-half-width of an interval, as a share of the value: the bias by smoothing of label and velocity. Bristles may be stiffer
+half-width of an interval, as a share of the value: the bias by smoothing of label and velocity; viscous friction's adds
+to what steady sliding leaves. Bristles may be stiffer
 by the last factor, because smoothing spreads a reversal over more travel."""
 UNSEEN = "steady sliding of condition {} does not show it"
 COARSE = "bristles bend by {:.2g} m, less than the position's step of {:.2g} m; record a finer position"
@@ -263,7 +264,9 @@ class ModelSearch:
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
         steady = steady_intervals(recordings, self.run.cylinder, CONFIDENCE, shift_n, model.pressure_scaled)
-        intervals = found.intervals | {"viscous_n_s_m": steady["viscous_n_s_m"]}
+        in_warm, in_cold = steady["viscous_n_s_m"]
+        viscous = (1.0 - LEAST_SHARE) * in_warm, (1.0 + LEAST_SHARE) * in_cold
+        intervals = found.intervals | {"viscous_n_s_m": viscous}
         for name, (lower, upper) in intervals.items():
             value = found.parameters.value(name)
             least = max(LEAST_SHARE * value, shift_n if name in ("coulomb_n", "static_n") else 0.0)
