@@ -24,7 +24,6 @@ from sentences import (
     LOAD,
     NAMES,
     ONLY_INTERVALS,
-    SLIDING_M_S,
     WORLDS,
     Simulated,
     holds,
@@ -50,7 +49,6 @@ from cylinder_friction.recordings.logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
 from cylinder_friction.rig.campaign_plan import CampaignPlan
-from cylinder_friction.rig.friction import REFERENCE_C
 
 KIND = Kind(0.15, 0.15)
 LOSSES_BAR = (0.0, 1.0, 2.0, 3.0, 6.0)
@@ -58,6 +56,7 @@ LOSSES_BAR = (0.0, 1.0, 2.0, 3.0, 6.0)
 LAMINAR = 0.2
 OF_THE_RIG = 9
 """Sessions of a condition, of which three are logged, that show friction of the rig."""
+AT_REST_M_S = 1e-3
 Row = tuple[str, str, bool | float]
 """Place in the code, sentence or figure, and whether it was true, or its value."""
 
@@ -240,8 +239,9 @@ def intervals_of(
     plain = search.plain()
     for parameter in plain.parameters:
         condition, interval = plain.recordings[0].split("_")[0], parameter.interval
-        static = parameter.name == "static_n"
-        true_range = static_range_n(made, condition) if static else made.parameter(parameter.name, condition)
+        true_range = made.parameter(parameter.name, condition)
+        if parameter.name == "static_n":
+            true_range = breakaway_n(made, condition)
         if interval is None or true_range is None:
             continue
         if parameter.name == "viscous_n_s_m":  # Each session has oil of its own temperature
@@ -249,31 +249,19 @@ def intervals_of(
         yield parameter.name, holds(interval, true_range)
 
 
-def static_range_n(made: Simulated, condition: str) -> tuple[float, float]:
-    """Return least and greatest static friction of a condition's sessions while extending [N].
+def breakaway_n(made: Simulated, condition: str) -> tuple[float, float] | None:
+    """Return least and greatest breakaway of a condition's sessions [N], as friction is highest when extension starts.
 
-    The film of oil is gone, and pressures are those of sliding. Drift and place are what sliding shows of them.
+    It is the 90 % quantile of a session's starts: many begin before the film of oil between seal and bore is gone.
     """
-    constants, values = made.friction, list[float]()
+    values = list[float]()
     for each in made.own(condition):
-        truth = each.truth[each.truth["velocity_m_s"] > SLIDING_M_S]
-        v_m_s, warm_c = truth["velocity_m_s"].to_numpy(), truth["oil_temperature_c"].to_numpy() - REFERENCE_C
-        higher, rod = (
-            1e-5 * np.maximum(truth[columns].to_numpy().max(axis=1), 0.0)
-            for columns in (["pressure_1_pa", "pressure_2_pa"], ["pressure_2_pa"])
-        )
-        level_n = constants.coulomb_n * (1.0 - constants.coulomb_temperature_1_k * warm_c)
-        level_n += constants.piston_seal_n * higher**0.8 + constants.rod_seal_n * rod**0.7
-        level_n *= (1.0 - constants.asymmetry) * constants.static_ratio
-        thin = np.exp(-constants.viscosity_temperature_1_k * warm_c)
-        film = (1.0 - 1.0 / constants.static_ratio) * np.minimum(v_m_s * thin / constants.film_velocity_m_s, 1.0) ** (
-            2.0 / 3.0
-        )
-        fall = np.exp(-v_m_s * thin / constants.stribeck_velocity_m_s)
-        seen = (1.0 - fall) / constants.static_ratio + (1.0 - film) * fall
-        dry_n = truth["friction_n"].to_numpy() - constants.viscous_n_s_m * thin * v_m_s
-        values.append(float(np.median(dry_n / (level_n * seen)) * np.mean(level_n)))
-    return min(values), max(values)
+        speed_m_s, friction_n = each.truth["velocity_m_s"].to_numpy(), each.truth["friction_n"].to_numpy()
+        before, after = (round(time_s / each.metadata.sample_time_s) for time_s in (0.2, 0.1))
+        starts = np.flatnonzero((np.abs(speed_m_s[:-1]) < AT_REST_M_S) & (speed_m_s[1:] >= AT_REST_M_S))
+        peaks_n = [friction_n[max(start - before, 0) : start + after].max() for start in starts]
+        values += [float(np.quantile(peaks_n, 0.9))] if peaks_n else []
+    return (min(values), max(values)) if values else None
 
 
 PARTS = {
