@@ -119,7 +119,7 @@ def _export(parser: argparse.ArgumentParser) -> None:
             form.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI: 2 for 2.0, 3 for 3.0")
             continue
         form.add_argument("--name", default="friction", help="prefix of every name, and the files' name")
-        form.add_argument("--precision", choices=("double", "float"), default="double", help="of all numbers")
+        form.add_argument("--precision", choices=("double", "float"), default="double", help="of samples and estimates")
         words = "part to export; lstm: without the forest; base: only the filtered force balance"
         form.add_argument("--model", dest="part", choices=("whole", "lstm", "base"), default="whole", help=words)
         form.add_argument("--distil", type=int, metavar="NODES", help="first train a smaller LSTM to imitate it")

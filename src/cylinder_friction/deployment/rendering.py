@@ -16,7 +16,7 @@ Type = Literal["float", "double"]
 LINE = 114
 
 
-def number(value: float, kind: Type) -> str:
+def number(value: float, kind: Type = "double") -> str:
     """Write the shortest literal of a type that reads back to the same value.
 
     Raises:

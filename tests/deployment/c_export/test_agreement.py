@@ -3,14 +3,17 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.deployment.c_export.export import export_c, export_model, part_of
+from cylinder_friction.deployment.c_export.export import Precision, export_c, export_model, part_of
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
+from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -31,6 +34,38 @@ def test_double_is_python(
     newtons, flags = compiled(shape).stream().run(samples)
     np.testing.assert_array_equal(flags, expected_flags)
     np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)
+
+
+def assert_float_is_double_rounded(double: CompiledEstimator, single: CompiledEstimator, samples: np.ndarray) -> None:
+    """Equal samples make equal estimates: no comparison may fall otherwise for the precision alone."""
+    fed = samples.astype(np.float32).astype(np.float64)
+    (expected, expected_flags), (newtons, flags) = double.stream().run(fed), single.stream().run(fed)
+    np.testing.assert_array_equal(newtons, expected.astype(np.float32))
+    np.testing.assert_array_equal(flags, expected_flags)
+
+
+@pytest.mark.parametrize("shape", ["whole", "learning"])
+def test_float_is_double_rounded(
+    shape: str, compiled: Callable[..., CompiledEstimator], trajectories: dict[str, np.ndarray]
+) -> None:
+    samples = np.concatenate([trajectories["stick_slip_reversals"], trajectories["bad_samples"]])
+    assert_float_is_double_rounded(compiled(shape), compiled(shape, "float"), samples)
+
+
+def test_float_is_double_rounded_on_positions_in_steps_for_an_adapted_model(
+    small_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
+    press = Cylinder(bore_diameter_m=0.08, rod_diameter_m=0.045, stroke_m=0.25, moving_mass_kg=6.0)
+    stepped = [
+        each.with_columns(position_m=1e-4 * np.round(each.column("position_m") / 1e-4)) for each in labelled_recordings
+    ]
+    adapted = small_hybrid.adapt(stepped[:3], press, plan=TrainingPlan(1, None, 200, 20, 4))
+    double, single = (
+        CompiledEstimator(export_c(adapted, tmp_path / precision, precision=precision))
+        for precision in get_args(Precision)
+    )
+    samples = np.concatenate([each.samples(adapted.inputs) for each in stepped])
+    assert_float_is_double_rounded(double, single, samples)
 
 
 @pytest.mark.parametrize(("settling", "block"), [(0, 1), (7, 3), (3, 7), (0, 150)])
@@ -67,5 +102,10 @@ def test_lugre_streams_what_it_estimates(
     warm = [each.with_columns(oil_temperature_c=30.0 + each.column("time_s")) for each in labelled_recordings]
     estimator = kind(cylinder, population=4, generations=2, simulated_recordings=1, inputs=inputs)
     estimator.fit(warm)
-    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(warm[0].samples(inputs))
+    double, single = (
+        CompiledEstimator(export_c(estimator, tmp_path / precision, precision=precision))
+        for precision in get_args(Precision)
+    )
+    newtons, _ = double.stream().run(warm[0].samples(inputs))
     np.testing.assert_allclose(newtons[:, 0], estimator.estimate(warm[0]), rtol=0.0, atol=1e-6)
+    assert_float_is_double_rounded(double, single, warm[0].samples(inputs))

@@ -1,5 +1,6 @@
 """The written files: constants, warnings, symbols, sanitizers, determinism, refusals."""
 
+import platform
 import re
 import shutil
 import subprocess
@@ -201,6 +202,14 @@ def test_fast_math_is_refused(golden_model: StepModel, tmp_path: Path) -> None:
     exported = export_model(golden_model, tmp_path)
     with pytest.raises(NoCompilerError, match="takes the checks for NaN and infinity away"):
         compile_library(exported, options=["-O2", "-ffast-math"])
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="only x86 has an x87")
+def test_numbers_with_digits_beyond_their_type_are_refused(golden_model: StepModel, tmp_path: Path) -> None:
+    compiler("gcc")
+    exported = export_model(golden_model, tmp_path)
+    with pytest.raises(NoCompilerError, match=r"digits beyond their type; add -msse2 -mfpmath=sse on x86"):
+        compile_library(exported, options=["-O2", "-mfpmath=387"])
 
 
 def test_a_missing_compiler_is_named() -> None:

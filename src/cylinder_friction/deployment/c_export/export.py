@@ -70,9 +70,8 @@ def export_c(
         estimator: A fitted estimator of any kind with a real-time step.
         folder: Created if it does not exist.
         name: Prefix of every public name: lower-case letters, digits and underscores.
-        precision: Precision of samples, filters and estimates. ``double`` gives the reference's numbers; ``float`` is
-        for
-            processors without double. Network and forest are single in both, as they were trained.
+        precision: Type of samples and estimates. Both compute alike: with ``float``, the estimates are those of
+            ``double`` for the same samples, rounded. Network and forest are single in both, as they were trained.
         part: ``lstm`` leaves a hybrid's forest out, ``base`` its network too.
 
     Raises:
@@ -165,7 +164,7 @@ def generate_c(
         raise ValueError(f"precision must be 'double' or 'float', but got {precision!r}")
     step = model.step if isinstance(model, LugreModel) else model
     forest = None if step.forest is None else flatten(step.forest)
-    fields = state_fields(model, precision)
+    fields = state_fields(model)
     inputs = described_inputs(step.inputs)
     exported = ExportedC(
         header=folder / f"{name}.h",
@@ -193,7 +192,8 @@ def generate_c(
         offset=offset_texts(step),
         parameters=", ".join(f"{precision} {each.name}" for each in inputs),
         names=", ".join(each.name for each in inputs),
-        data=definitions(model_data(model, forest, precision), precision),
+        samples=", ".join(f"(double){each.name}" for each in inputs),
+        data=definitions(model_data(model, forest)),
     )
     source = SOURCE.read_text(encoding="utf-8").replace('#include "friction.h"', f'#include "{name}.h"', 1)
     return exported, {exported.header: header, exported.source: source}
@@ -221,11 +221,10 @@ class StateField:
         return self.name + "".join(f"[{extent}]" for extent in self.shape)
 
 
-def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[StateField]:
+def state_fields(exported: StepModel | LugreModel) -> Sequence[StateField]:
     """List the fields of an instance's state, widest types first, so that the struct needs no padding.
 
-    All of them are zero after a reset. Use the list to size, save or display an instance; ``real`` is the C type of
-    samples and estimates, ``double`` or ``float``.
+    All of them are zero after a reset. Use the list to size, save or display an instance.
     """
     lugre = isinstance(exported, LugreModel)
     model = exported.step if isinstance(exported, LugreModel) else exported
@@ -233,9 +232,11 @@ def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[State
     learned = model.network is not None or model.forest is not None
     history: History | None = model.history if learned else None
     fields = [
-        StateField(real, "window", (channels, 2 * lags), "last samples of each channel, newest at cursor, kept twice"),
-        StateField(real, "held", (channels,), "last valid value of each channel"),
-        StateField(real, "constant_from_m", (pressures,), "position at which each pressure last changed"),
+        StateField(
+            "double", "window", (channels, 2 * lags), "last samples of each channel, newest at cursor, kept twice"
+        ),
+        StateField("double", "held", (channels,), "last valid value of each channel"),
+        StateField("double", "constant_from_m", (pressures,), "position at which each pressure last changed"),
         StateField("uint32_t", "cursor", (), "index of the newest sample"),
         StateField("uint32_t", "ready", (), "1 once a sample was valid in all inputs"),
         StateField("uint32_t", "frozen", (pressures,), "1 while a pressure is frozen"),
@@ -254,16 +255,16 @@ def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[State
             StateField("float", "cell", shape, "memory of each layer's nodes"),
         ]
     if lugre or history is not None:
-        fields.append(StateField(real, "backlash_centre_m", (), "centre of the backlash in the position"))
+        fields.append(StateField("double", "backlash_centre_m", (), "centre of the backlash in the position"))
     if lugre:
         fields += [
-            StateField(real, "push", (), "-1, 0 or 1: direction of the last push against the backlash"),
-            StateField(real, "bristle_m", (), "deflection of the bristles"),
+            StateField("double", "push", (), "-1, 0 or 1: direction of the last push against the backlash"),
+            StateField("double", "bristle_m", (), "deflection of the bristles"),
             StateField("uint32_t", "pushed", (), "steps for which that push counts"),
         ]
     if history is not None:
         fields += [
-            StateField(real, "moved_from_m", (), "position of the last reversal or start"),
+            StateField("double", "moved_from_m", (), "position of the last reversal or start"),
             StateField("int32_t", "push_direction", (), "-1, 0 or 1: direction of the last push against the backlash"),
             StateField("uint32_t", "moving_left", (), "steps for which that push counts as motion"),
             StateField("uint32_t", "moving_steps", (), "steps of motion since the last reversal or start"),
@@ -271,22 +272,22 @@ def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[State
             StateField("uint32_t", "dwell_before_steps", (), "steps at rest before this motion"),
         ]
     if model.offset is not None:
-        fields += _offset_fields(channels, real)
+        fields += _offset_fields(channels)
     fields = sorted((field for field in fields if field.bytes), key=lambda field: -BYTES[field.type])
     if any(BYTES[field.type] == 8 for field in fields) and sum(field.bytes for field in fields) % 8:
         fields.append(StateField("uint32_t", "unused", (), "rounds the size to a multiple of 8"))
     return fields
 
 
-def _offset_fields(channels: int, real: Type) -> list[StateField]:
+def _offset_fields(channels: int) -> list[StateField]:
     """List the fields of an instance that hold the sensors' offset."""
     return [
-        StateField(real, "own", (OWN,), "offset, asymmetry, scale, slope and the stroke's error of this session"),
-        StateField(real, "own_covariance", (OWN, OWN), "their covariance"),
-        StateField(real, "level_n", (), "friction's level in the first block"),
-        StateField(real, "block_sums", (channels,), "sum of each channel over this block"),
-        StateField(real, "block_velocity_m_s", (), "the same of the velocity"),
-        StateField(real, "block_first_m_s", (), "velocity at this block's first sample"),
+        StateField("double", "own", (OWN,), "offset, asymmetry, scale, slope and the stroke's error of this session"),
+        StateField("double", "own_covariance", (OWN, OWN), "their covariance"),
+        StateField("double", "level_n", (), "friction's level in the first block"),
+        StateField("double", "block_sums", (channels,), "sum of each channel over this block"),
+        StateField("double", "block_velocity_m_s", (), "the same of the velocity"),
+        StateField("double", "block_first_m_s", (), "velocity at this block's first sample"),
         StateField("uint32_t", "block_samples", (), "samples in this block so far"),
         StateField("uint32_t", "stroke_samples", (), "samples in this stroke until it has settled"),
         StateField("uint32_t", "directions", (), "bits: 1 once a block extended, 2 once one retracted"),

@@ -3,113 +3,97 @@
 #define ESTIMATOR_SOURCE
 #include "friction.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "-ffast-math takes the checks for NaN and infinity away; compile without it"
 #endif
+#if FLT_EVAL_METHOD != 0
+#error "numbers would keep digits beyond their type; add -msse2 -mfpmath=sse on x86"
+#endif
+#if DBL_MANT_DIG != 53
+#error "a double must have 64 bits, also with float samples; choose the compiler's option for that"
+#endif
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
-#endif
-
-/* R(x) is a number in the model's precision, M(f) the function of libm that takes one. */
-#if SINGLE_PRECISION
-#define R(x) x##f
-#define M(function) function##f
-#else
-#define R(x) x
-#define M(function) function
 #endif
 
 typedef char state_bytes_are_as_declared[sizeof(estimator_state) == STATE_BYTES ? 1 : -1];
 
 /* Adds the products of taps and samples to a sum. A window holds the newest sample first. */
-static real weighted(real total, const real *taps, const real *window, int count, real newest)
+static double weighted(double total, const double *taps, const double *window, int count)
 {
     int lag;
     for (lag = 0; lag < count; ++lag) {
-#if SINGLE_PRECISION
-        /* Differences from the newest sample are exact if samples are close: derivatives lose nothing to rounding. */
-        total += taps[lag] * (window[lag] - newest);
-#else
         total += taps[lag] * window[lag];
-#endif
     }
-#if !SINGLE_PRECISION
-    (void)newest;
-#endif
     return total;
 }
 
 /* Makes each row of the filter bank: its terms, one channel each, one after the other. */
-static void filter_samples(const real *const window[CHANNELS], real filtered[ROWS])
+static void filter_samples(const double *const window[CHANNELS], double filtered[ROWS])
 {
     int row;
     for (row = 0; row < ROWS; ++row) {
-        filtered[row] = R(0.0);
+        filtered[row] = 0.0;
     }
-#if SINGLE_PRECISION
-#define TERM(row, channel, start, first, count, sum) \
-    filtered[row] = weighted(filtered[row] + (sum) * window[channel][0], TAPS + (start), window[channel] + (first), \
-                             count, window[channel][0]);
-#else
-#define TERM(row, channel, start, first, count, sum) \
-    filtered[row] = weighted(filtered[row], TAPS + (start), window[channel] + (first), count, window[channel][0]);
-#endif
+#define TERM(row, channel, start, first, count) \
+    filtered[row] = weighted(filtered[row], TAPS + (start), window[channel] + (first), count);
     TERMS(TERM)
 }
 
 #if IS_LUGRE
 /* Velocity counts only while the smooth position has lately pushed the backlash, in the direction of the push. */
-static real gated_velocity(estimator_state *state, real position, real rate)
+static double gated_velocity(estimator_state *state, double position, double rate)
 {
     if (position > state->backlash_centre_m + LUGRE_BACKLASH_M) {
         state->backlash_centre_m = position - LUGRE_BACKLASH_M;
-        state->push = R(1.0);
+        state->push = 1.0;
         state->pushed = LUGRE_WINDOW;
     } else if (position < state->backlash_centre_m - LUGRE_BACKLASH_M) {
         state->backlash_centre_m = position + LUGRE_BACKLASH_M;
-        state->push = R(-1.0);
+        state->push = -1.0;
         state->pushed = LUGRE_WINDOW;
     } else if (state->pushed > 0u) {
         --state->pushed;
     }
 #if LUGRE_HAS_BACKLASH
-    if (!(state->pushed > 0u && rate * state->push > R(0.0))) {
-        return R(0.0);
+    if (!(state->pushed > 0u && rate * state->push > 0.0)) {
+        return 0.0;
     }
 #endif
-    return M(fabs)(rate) >= LUGRE_DEAD_BAND_M_S ? rate : R(0.0);
+    return fabs(rate) >= LUGRE_DEAD_BAND_M_S ? rate : 0.0;
 }
 
 /* LuGre (Canudas de Wit et al. 1995), solved exactly at a velocity that is held over the step. */
-static real estimate(estimator_state *state, const real filtered[ROWS])
+static double estimate(estimator_state *state, const double filtered[ROWS])
 {
-    const real velocity = gated_velocity(state, filtered[LUGRE_POSITION_ROW], filtered[LUGRE_RATE_ROW]);
-    const real speed = M(fabs)(velocity);
-    const real ratio = velocity / LUGRE_DAMPING_VELOCITY_M_S;
-    real dry, decay, after, rise;
-    if (!(speed > R(0.0))) {
+    const double velocity = gated_velocity(state, filtered[LUGRE_POSITION_ROW], filtered[LUGRE_RATE_ROW]);
+    const double speed = fabs(velocity);
+    const double ratio = velocity / LUGRE_DAMPING_VELOCITY_M_S;
+    double dry, decay, after, rise;
+    if (!(speed > 0.0)) {
         return LUGRE_BRISTLE_STIFFNESS_N_M * state->bristle_m;
     }
     dry = LUGRE_COULOMB_N
-        + LUGRE_FALLING_N * M(exp)(-M(exp)(LUGRE_STRIBECK_EXPONENT * (M(log)(speed) - LUGRE_LOG_STRIBECK)));
+        + LUGRE_FALLING_N * exp(-exp(LUGRE_STRIBECK_EXPONENT * (log(speed) - LUGRE_LOG_STRIBECK)));
 #if LUGRE_HAS_PRESSURES
     {
-        const real pressure = state->held[LUGRE_PRESSURE_1] + state->held[LUGRE_PRESSURE_2];
-        dry *= R(1.0) + LUGRE_PRESSURE_SLOPE_N_PA * (pressure > R(0.0) ? pressure : R(0.0)) / LUGRE_COULOMB_N;
+        const double pressure = state->held[LUGRE_PRESSURE_1] + state->held[LUGRE_PRESSURE_2];
+        dry *= 1.0 + LUGRE_PRESSURE_SLOPE_N_PA * (pressure > 0.0 ? pressure : 0.0) / LUGRE_COULOMB_N;
     }
 #endif
-    if (velocity < R(0.0)) {
+    if (velocity < 0.0) {
         dry *= LUGRE_RETRACT_RATIO;
     }
     decay = LUGRE_BRISTLE_STIFFNESS_N_M * speed * STEP_S / dry;
-    after = state->bristle_m * M(exp)(-decay)
-        - M(expm1)(-decay) * (velocity / speed) * (dry / LUGRE_BRISTLE_STIFFNESS_N_M);
+    after = state->bristle_m * exp(-decay)
+        - expm1(-decay) * (velocity / speed) * (dry / LUGRE_BRISTLE_STIFFNESS_N_M);
     rise = (after - state->bristle_m) / STEP_S;
     state->bristle_m = after;
-    return LUGRE_BRISTLE_STIFFNESS_N_M * after + LUGRE_BRISTLE_DAMPING_N_S_M * M(exp)(-(ratio * ratio)) * rise
+    return LUGRE_BRISTLE_STIFFNESS_N_M * after + LUGRE_BRISTLE_DAMPING_N_S_M * exp(-(ratio * ratio)) * rise
         + LUGRE_VISCOUS_N_S_M * velocity;
 }
 #endif
@@ -117,11 +101,11 @@ static real estimate(estimator_state *state, const real filtered[ROWS])
 #if HAS_HISTORY
 /* History of the motion from the smoothed position, which drags a backlash along: direction, dwell so far, dwell before
    this motion, travel since the last reversal or start over a short and a long distance, time of motion. */
-static void add_history(estimator_state *state, real position, float history[HISTORY_FEATURES])
+static void add_history(estimator_state *state, double position, float history[HISTORY_FEATURES])
 {
     const int32_t before = state->push_direction;
     int pushed = 1;
-    real travel;
+    double travel;
     if (position > state->backlash_centre_m + HISTORY_EDGE_M) {
         state->backlash_centre_m = position - HISTORY_BACKLASH_M;
         state->push_direction = 1;
@@ -147,24 +131,24 @@ static void add_history(estimator_state *state, real position, float history[HIS
     } else {
         state->dwell_steps += state->dwell_steps < UINT32_MAX;
     }
-    travel = M(fabs)(position - state->moved_from_m);
+    travel = fabs(position - state->moved_from_m);
 #define HISTORY(place, value) history[place] = (float)(((value) - HISTORY_MEAN[place]) / HISTORY_SCALE[place])
-    HISTORY(0, (real)state->push_direction);
-    HISTORY(1, M(log1p)(STEP_S * (real)state->dwell_steps / HISTORY_DWELL_S));
-    HISTORY(2, M(log1p)(STEP_S * (real)state->dwell_before_steps / HISTORY_DWELL_S));
-    HISTORY(3, R(1.0) - M(exp)(-travel / HISTORY_TRAVEL_SHORT_M));
-    HISTORY(4, R(1.0) - M(exp)(-travel / HISTORY_TRAVEL_LONG_M));
-    HISTORY(5, R(1.0) - M(exp)(-STEP_S * (real)state->moving_steps / HISTORY_MOVING_S));
+    HISTORY(0, (double)state->push_direction);
+    HISTORY(1, log1p(STEP_S * (double)state->dwell_steps / HISTORY_DWELL_S));
+    HISTORY(2, log1p(STEP_S * (double)state->dwell_before_steps / HISTORY_DWELL_S));
+    HISTORY(3, 1.0 - exp(-travel / HISTORY_TRAVEL_SHORT_M));
+    HISTORY(4, 1.0 - exp(-travel / HISTORY_TRAVEL_LONG_M));
+    HISTORY(5, 1.0 - exp(-STEP_S * (double)state->moving_steps / HISTORY_MOVING_S));
 }
 #endif
 
 #if HAS_FEATURES
-static void make_features(estimator_state *state, const real filtered[ROWS], float features[FEATURES])
+static void make_features(estimator_state *state, const double filtered[ROWS], float features[FEATURES])
 {
     int feature;
     for (feature = 0; feature < LINEAR_FEATURES; ++feature) {
-        const real value = filtered[FEATURE_ROW[feature]], limit = FEATURE_LIMIT[feature];
-        const real soft = limit > R(0.0) ? value / (M(fabs)(value) + limit) : value;
+        const double value = filtered[FEATURE_ROW[feature]], limit = FEATURE_LIMIT[feature];
+        const double soft = limit > 0.0 ? value / (fabs(value) + limit) : value;
         features[feature] = (float)((soft - FEATURE_MEAN[feature]) / FEATURE_SCALE[feature]);
     }
 #if HAS_HISTORY
@@ -296,10 +280,10 @@ static int32_t ordered(float x)
     return w.bits < 0 ? w.bits ^ 0x7fffffff : w.bits;
 }
 
-static real run_forest(const float inputs[FOREST_INPUTS])
+static double run_forest(const float inputs[FOREST_INPUTS])
 {
     int32_t seen[FOREST_INPUTS + 1];
-    real total = R(0.0);
+    double total = 0.0;
     int group, level, k;
     for (k = 0; k < FOREST_INPUTS; ++k) {
         seen[k] = ordered(inputs[k]);
@@ -319,7 +303,7 @@ static real run_forest(const float inputs[FOREST_INPUTS])
         for (k = 0; k < SIDE; ++k) {
             word leaf;
             leaf.bits = at[k]->content;
-            total += (real)leaf.value;
+            total += (double)leaf.value;
         }
     }
     return total;
@@ -328,9 +312,9 @@ static real run_forest(const float inputs[FOREST_INPUTS])
 
 #if !IS_LUGRE
 /* What is corrected, and the corrections of network and forest. */
-static real estimate(estimator_state *state, const real filtered[ROWS])
+static double estimate(estimator_state *state, const double filtered[ROWS])
 {
-    real friction = BASE_N + TARGET_MEAN_N;
+    double friction = BASE_N + TARGET_MEAN_N;
 #if HAS_FEATURES
     float features[FEATURES];
 #endif
@@ -355,7 +339,7 @@ static real estimate(estimator_state *state, const real filtered[ROWS])
     head = run_head(state->hidden[LAYERS - 1]);
 #endif
 #if HEAD_COUNTS
-    friction += TARGET_SCALE_N * (real)head;
+    friction += TARGET_SCALE_N * (double)head;
 #endif
 #if HAS_FOREST
 #if FOREST_SEES_HIDDEN
@@ -379,19 +363,19 @@ static real estimate(estimator_state *state, const real filtered[ROWS])
 
 #if HAS_LOAD
 /* The value of a table over positions; in straight lines between its places, held beyond the ends. */
-static real table_at(const real *table, const real sample[CHANNELS])
+static double table_at(const double *table, const double sample[CHANNELS])
 {
-    real part[LOAD_AXES], corner[1 << LOAD_AXES];
+    double part[LOAD_AXES], corner[1 << LOAD_AXES];
     int axis, at, begin = 0;
     for (axis = 0; axis < LOAD_AXES; ++axis) {
-        const real last = (real)(LOAD_PLACES[axis] - 1);
-        real place = (sample[LOAD_COLUMN[axis]] - LOAD_FIRST_M[axis]) * LOAD_PER_METRE[axis];
+        const double last = (double)(LOAD_PLACES[axis] - 1);
+        double place = (sample[LOAD_COLUMN[axis]] - LOAD_FIRST_M[axis]) * LOAD_PER_METRE[axis];
         int index;
-        place = place > R(0.0) ? place : R(0.0);
+        place = place > 0.0 ? place : 0.0;
         place = place < last ? place : last;
         index = (int)place;
         index = index < LOAD_PLACES[axis] - 2 ? index : LOAD_PLACES[axis] - 2;
-        part[axis] = place - (real)index;
+        part[axis] = place - (double)index;
         begin += index * LOAD_STRIDE[axis];
     }
     for (at = 0; at < 1 << LOAD_AXES; ++at) { /* the last axis is the lowest bit */
@@ -412,30 +396,30 @@ static real table_at(const real *table, const real sample[CHANNELS])
 
 #if HAS_LINES
 /* Pressures in the chambers: what the lines to them lose at the causal velocity is taken off those of the sensors. */
-static void to_chambers(const estimator_state *state, const real sample[CHANNELS], real chamber[CHANNELS])
+static void to_chambers(const estimator_state *state, const double sample[CHANNELS], double chamber[CHANNELS])
 {
-    const real *before = state->window[POSITION] + state->cursor;
-    real velocity = R(0.0);
+    const double *before = state->window[POSITION] + state->cursor;
+    double velocity = 0.0;
     int lag, line;
     for (lag = 1; lag < LINE_LAGS; ++lag) {
         velocity += LINE_TAPS[lag] * (before[lag - 1] - sample[POSITION]);
     }
     memcpy(chamber, sample, CHANNELS * sizeof *chamber);
     for (line = 0; line < LINES; ++line) {
-        const real along = LINE_SIGN[line] * velocity;
-        const real speed = M(fabs)(along);
-        real lost = LINE_LAMINAR[line] * speed + LINE_SQUARE[line] * speed * speed;
+        const double along = LINE_SIGN[line] * velocity;
+        const double speed = fabs(along);
+        double lost = LINE_LAMINAR[line] * speed + LINE_SQUARE[line] * speed * speed;
         if (speed > LINE_TURBULENT_FROM_M_S[line]) {
-            const real turbulent = LINE_TURBULENT[line] * speed * M(sqrt)(speed) * M(sqrt)(M(sqrt)(speed));
+            const double turbulent = LINE_TURBULENT[line] * speed * sqrt(speed) * sqrt(sqrt(speed));
             lost = turbulent > lost ? turbulent : lost;
         }
-        chamber[LINE_CHANNEL[line]] -= along > R(0.0) ? lost : -lost;
+        chamber[LINE_CHANNEL[line]] -= along > 0.0 ? lost : -lost;
     }
 }
 #endif
 
 /* Puts a sample into the windows; each value is kept twice, so that the last LAGS values always lie in one piece. */
-static void push(estimator_state *state, const real sample[CHANNELS])
+static void push(estimator_state *state, const double sample[CHANNELS])
 {
     int channel;
     state->cursor = state->cursor == 0u ? LAGS - 1u : state->cursor - 1u;
@@ -445,7 +429,7 @@ static void push(estimator_state *state, const real sample[CHANNELS])
     }
 }
 
-static void begin(estimator_state *state, const real sample[CHANNELS])
+static void begin(estimator_state *state, const double sample[CHANNELS])
 {
     int channel, lag;
     state->ready = 1u;
@@ -464,7 +448,7 @@ static void begin(estimator_state *state, const real sample[CHANNELS])
 }
 
 /* Follows how long each channel has been constant; a held value is not the sensor's and starts afresh. */
-static int is_frozen(estimator_state *state, const real sample[CHANNELS], const int invalid[INPUTS], real base_n)
+static int is_frozen(estimator_state *state, const double sample[CHANNELS], const int invalid[INPUTS], double base_n)
 {
     int frozen = 0;
 #if PRESSURES > 0
@@ -474,7 +458,7 @@ static int is_frozen(estimator_state *state, const real sample[CHANNELS], const 
         if (invalid[channel] || sample[channel] != state->held[channel]) {
             state->constant_from_m[index] = sample[POSITION];
             state->frozen[index] = 0u;
-        } else if (M(fabs)(sample[POSITION] - state->constant_from_m[index]) > FREEZE_TRAVEL_M) {
+        } else if (fabs(sample[POSITION] - state->constant_from_m[index]) > FREEZE_TRAVEL_M) {
             state->frozen[index] = 1u;
         }
         frozen |= (int)state->frozen[index];
@@ -485,7 +469,7 @@ static int is_frozen(estimator_state *state, const real sample[CHANNELS], const 
     } else if (state->constant_samples <= FREEZE_SAMPLES) {
         ++state->constant_samples;
     }
-    return frozen || (state->constant_samples > FREEZE_SAMPLES && M(fabs)(base_n) > FREEZE_FORCE_N);
+    return frozen || (state->constant_samples > FREEZE_SAMPLES && fabs(base_n) > FREEZE_FORCE_N);
 }
 
 static uint32_t trust(estimator_state *state, int bad)
@@ -505,7 +489,7 @@ static uint32_t trust(estimator_state *state, int bad)
 }
 
 /* Regimes of motion: 0 standstill, 1 creep, 2 sliding, 3 just after a reversal or start. */
-static int next_regime(estimator_state *state, real velocity_m_s)
+static int next_regime(estimator_state *state, double velocity_m_s)
 {
     const int32_t now = velocity_m_s >= STANDSTILL_M_S ? 1 : velocity_m_s <= -STANDSTILL_M_S ? -1 : 0;
     if (now != 0 && now != state->direction) {
@@ -516,7 +500,7 @@ static int next_regime(estimator_state *state, real velocity_m_s)
         --state->reversal_left;
         return 3;
     }
-    return now == 0 ? 0 : M(fabs)(velocity_m_s) < CREEP_M_S ? 1 : 2;
+    return now == 0 ? 0 : fabs(velocity_m_s) < CREEP_M_S ? 1 : 2;
 }
 
 #if HAS_FORCE_LIMITS
@@ -524,17 +508,17 @@ static int next_regime(estimator_state *state, real velocity_m_s)
    remain until the piston has moved a while. The first two lines enclose the balance along the motion while the piston
    slides, the third its size otherwise. A smaller sum of the pressures than the least is no pascal, or none of a cylinder
    at work. */
-static uint32_t unmodelled_force(estimator_state *state, const real sample[CHANNELS], int regime)
+static uint32_t unmodelled_force(estimator_state *state, const double sample[CHANNELS], int regime)
 {
-    real force = R(0.0), pressure = R(0.0), along;
+    double force = 0.0, pressure = 0.0, along;
     int channel, within;
     for (channel = 0; channel < CHANNELS; ++channel) {
         force += FORCE_OF[channel] * sample[channel];
         pressure += SUMMED[channel] * sample[channel];
     }
-    along = (real)state->direction * force;
+    along = (double)state->direction * force;
     within = LINE_N[0] + LINE_SLOPE[0] * pressure <= along && along <= LINE_N[1] + LINE_SLOPE[1] * pressure;
-    if (regime == 2 ? !within : M(fabs)(force) > LINE_N[2] + LINE_SLOPE[2] * pressure) {
+    if (regime == 2 ? !within : fabs(force) > LINE_N[2] + LINE_SLOPE[2] * pressure) {
         state->unmodelled = CLEAR_SAMPLES;
     } else if (state->unmodelled == 0u) {
         return pressure < LEAST_PRESSURE_PA ? FLAG_UNMODELLED_FORCE : 0u;
@@ -558,10 +542,10 @@ static uint32_t unmodelled_force(estimator_state *state, const real sample[CHANN
 #define EXTENDED 1u
 #define RETRACTED 2u
 
-static void begin_offset(estimator_state *state, real offset_n, real uncertainty_n)
+static void begin_offset(estimator_state *state, double offset_n, double uncertainty_n)
 {
     /* Comparisons with NaN are false. */
-    const int possible = M(fabs)(offset_n) <= OFFSET_LIMIT_N && uncertainty_n <= OFFSET_LIMIT_N;
+    const int possible = fabs(offset_n) <= OFFSET_LIMIT_N && uncertainty_n <= OFFSET_LIMIT_N;
     int own;
     for (own = 0; own < OWN; ++own) {
         state->own_covariance[own][own] = STATED_VARIANCE[own];
@@ -569,10 +553,10 @@ static void begin_offset(estimator_state *state, real offset_n, real uncertainty
     if (possible) {
         state->own[0] = offset_n;
     }
-    if (possible && uncertainty_n >= R(0.0)) {
+    if (possible && uncertainty_n >= 0.0) {
         /* What is stated of it is what was given, but for what all sessions share. */
-        const real variance = uncertainty_n * uncertainty_n - COMMON_VARIANCE;
-        state->own_covariance[0][0] = (variance > R(0.0) ? variance : R(0.0)) / CAUTION_SQUARE;
+        const double variance = uncertainty_n * uncertainty_n - COMMON_VARIANCE;
+        state->own_covariance[0][0] = (variance > 0.0 ? variance : 0.0) / CAUTION_SQUARE;
         state->directions = EXTENDED | RETRACTED;
     }
 }
@@ -580,55 +564,55 @@ static void begin_offset(estimator_state *state, real offset_n, real uncertainty
 /* Whether friction is like that of training. If it is not, zeros cannot be separated from it and are left alone. */
 static int offset_supported(const estimator_state *state)
 {
-    const real scale = state->own[2], slope = state->own[3];
-    return SCALE_SUPPORT * scale * scale + SLOPE_SUPPORT * slope * slope <= R(1.0);
+    const double scale = state->own[2], slope = state->own[3];
+    return SCALE_SUPPORT * scale * scale + SLOPE_SUPPORT * slope * slope <= 1.0;
 }
 
-static real learned_offset(const estimator_state *state)
+static double learned_offset(const estimator_state *state)
 {
-    return offset_supported(state) ? state->own[0] : R(0.0);
+    return offset_supported(state) ? state->own[0] : 0.0;
 }
 
-static real offset_uncertainty(const estimator_state *state)
+static double offset_uncertainty(const estimator_state *state)
 {
-    const real variance = state->own_covariance[0][0];
-    const real most = variance > LARGEST_VARIANCE ? variance : LARGEST_VARIANCE;
-    const real careful = CAUTION_SQUARE * variance;
-    const real stated = offset_supported(state) ? (careful < most ? careful : most) : LARGEST_VARIANCE;
-    return M(sqrt)(stated + COMMON_VARIANCE);
+    const double variance = state->own_covariance[0][0];
+    const double most = variance > LARGEST_VARIANCE ? variance : LARGEST_VARIANCE;
+    const double careful = CAUTION_SQUARE * variance;
+    const double stated = offset_supported(state) ? (careful < most ? careful : most) : LARGEST_VARIANCE;
+    return sqrt(stated + COMMON_VARIANCE);
 }
 
 /* The factor by which an unknown offset widens the bounds. */
-static real further(const estimator_state *state, int regime)
+static double further(const estimator_state *state, int regime)
 {
-    real ratio;
-    if (!(SPREAD_N[regime] > R(0.0))) {
-        return R(1.0);
+    double ratio;
+    if (!(SPREAD_N[regime] > 0.0)) {
+        return 1.0;
     }
     ratio = offset_uncertainty(state) / SPREAD_N[regime];
-    return M(sqrt)(R(1.0) + ratio * ratio);
+    return sqrt(1.0 + ratio * ratio);
 }
 
-static void take_offset_off(real offset_n, real filtered[ROWS])
+static void take_offset_off(double offset_n, double filtered[ROWS])
 {
 #define ZERO(row, zero) filtered[row] -= offset_n * (zero);
     ZEROS(ZERO)
 }
 
-static real block_mean(const estimator_state *state, const real of[CHANNELS])
+static double block_mean(const estimator_state *state, const double of[CHANNELS])
 {
-    real total = R(0.0);
+    double total = 0.0;
     int channel;
     for (channel = 0; channel < CHANNELS; ++channel) {
         total += of[channel] * state->block_sums[channel];
     }
-    return total / (real)state->block_samples;
+    return total / (double)state->block_samples;
 }
 
 static void clear_block(estimator_state *state)
 {
     state->block_samples = 0u;
-    state->block_velocity_m_s = R(0.0);
+    state->block_velocity_m_s = 0.0;
     memset(state->block_sums, 0, sizeof state->block_sums);
 }
 
@@ -637,10 +621,10 @@ static void begin_stroke(estimator_state *state, int32_t direction)
     int own;
     state->stroke_direction = direction;
     state->stroke_samples = 0u;
-    state->own[OWN - 1] = R(0.0);
+    state->own[OWN - 1] = 0.0;
     for (own = 0; own < OWN; ++own) {
-        state->own_covariance[OWN - 1][own] = R(0.0);
-        state->own_covariance[own][OWN - 1] = R(0.0);
+        state->own_covariance[OWN - 1][own] = 0.0;
+        state->own_covariance[own][OWN - 1] = 0.0;
     }
     state->own_covariance[OWN - 1][OWN - 1] = STROKE_VARIANCE;
     clear_block(state);
@@ -648,25 +632,25 @@ static void begin_stroke(estimator_state *state, int32_t direction)
 
 /* g [N] but for what varies with position: coefficients of pressure p, its root, speed, its logarithm l, l * l, load and
    |load|; then, times temperature, of 1, temperature, p, root, speed, l and l * l. */
-static real known_friction(real pressure, real speed, real load, real warm)
+static double known_friction(double pressure, double speed, double load, double warm)
 {
-    const real root = M(sqrt)(pressure > R(0.0) ? pressure : R(0.0));
-    const real logarithm = M(log)(speed > R(1e-12) ? speed : R(1e-12));
-    const real square = logarithm * logarithm;
-    real cold = KNOWN[0] * pressure + KNOWN[1] * root + KNOWN[2] * speed + KNOWN[3] * logarithm;
-    real changing = KNOWN[7] + KNOWN[8] * warm + KNOWN[9] * pressure + KNOWN[10] * root;
-    cold += KNOWN[4] * square + KNOWN[5] * load + KNOWN[6] * M(fabs)(load);
+    const double root = sqrt(pressure > 0.0 ? pressure : 0.0);
+    const double logarithm = log(speed > 1e-12 ? speed : 1e-12);
+    const double square = logarithm * logarithm;
+    double cold = KNOWN[0] * pressure + KNOWN[1] * root + KNOWN[2] * speed + KNOWN[3] * logarithm;
+    double changing = KNOWN[7] + KNOWN[8] * warm + KNOWN[9] * pressure + KNOWN[10] * root;
+    cold += KNOWN[4] * square + KNOWN[5] * load + KNOWN[6] * fabs(load);
     changing += KNOWN[11] * speed + KNOWN[12] * logarithm + KNOWN[13] * square;
     return cold + warm * changing;
 }
 
 /* The rest of g [N]: a polynomial in the position over its half range. */
-static real friction_along(real position_m)
+static double friction_along(double position_m)
 {
-    real along = (R(2.0) * position_m - FIRST_POSITION_M - LAST_POSITION_M) / SPAN_M;
-    real total = R(0.0);
+    double along = (2.0 * position_m - FIRST_POSITION_M - LAST_POSITION_M) / SPAN_M;
+    double total = 0.0;
     int power;
-    along = along < R(-1.0) ? R(-1.0) : along > R(1.0) ? R(1.0) : along;
+    along = along < -1.0 ? -1.0 : along > 1.0 ? 1.0 : along;
     for (power = POWERS - 1; power >= 0; --power) {
         total = total * along + ALONG[power];
     }
@@ -676,13 +660,13 @@ static real friction_along(real position_m)
 /* The Kalman filter's step for one number [N] that was not known from training. Returns 0 and changes nothing if it is
    further from what was expected than LARGEST_SURPRISE standard deviations, the stated zeros' among them: a saturated
    sensor or an end stop is no offset. */
-static int update_own(estimator_state *state, real left, const real explains[OWN])
+static int update_own(estimator_state *state, double left, const double explains[OWN])
 {
-    real gain[OWN];
-    real variance = NOISE_VARIANCE;
+    double gain[OWN];
+    double variance = NOISE_VARIANCE;
     int row, column;
     for (row = 0; row < OWN; ++row) {
-        gain[row] = R(0.0);
+        gain[row] = 0.0;
         for (column = 0; column < OWN; ++column) {
             gain[row] += state->own_covariance[row][column] * explains[column];
         }
@@ -702,18 +686,18 @@ static int update_own(estimator_state *state, real left, const real explains[OWN
 }
 
 /* Lets what the session has of its own explain a block's mean force balance. */
-static void take_block(estimator_state *state, real velocity_m_s)
+static void take_block(estimator_state *state, double velocity_m_s)
 {
-    const real direction = (real)state->stroke_direction;
-    const real samples = (real)state->block_samples;
-    const real speed = direction * state->block_velocity_m_s / samples;
-    const real ranged[4] = {block_mean(state, PRESSURE_OF), speed, block_mean(state, LOAD_OF),
+    const double direction = (double)state->stroke_direction;
+    const double samples = (double)state->block_samples;
+    const double speed = direction * state->block_velocity_m_s / samples;
+    const double ranged[4] = {block_mean(state, PRESSURE_OF), speed, block_mean(state, LOAD_OF),
                             block_mean(state, TEMPERATURE_OF) - REFERENCE_C};
-    const real balance = block_mean(state, BALANCE_OF)
+    const double balance = block_mean(state, BALANCE_OF)
         - MASS_KG * ((velocity_m_s - state->block_first_m_s) / DURATION_S);
-    const real even = EVEN_CONSTANT_N + EVEN_PRESSURE * ranged[0];
-    real explains[OWN] = {R(1.0), R(0.0), R(0.0), R(0.0), R(1.0)};
-    real known, level, first_level_n;
+    const double even = EVEN_CONSTANT_N + EVEN_PRESSURE * ranged[0];
+    double explains[OWN] = {1.0, 0.0, 0.0, 0.0, 1.0};
+    double known, level, first_level_n;
     uint32_t directions;
     int each;
     for (each = 0; each < 4; ++each) {
@@ -727,9 +711,9 @@ static void take_block(estimator_state *state, real velocity_m_s)
        from the offset, though by no more than the known friction is right. */
     directions = state->directions;
     first_level_n = state->level_n;
-    level = M(fabs)(direction * known);
+    level = fabs(direction * known);
     state->directions |= state->stroke_direction > 0 ? EXTENDED : RETRACTED;
-    state->level_n = state->level_n == R(0.0) ? level : state->level_n;
+    state->level_n = state->level_n == 0.0 ? level : state->level_n;
     level = state->directions == (EXTENDED | RETRACTED) ? level : state->level_n;
     explains[1] = level;
     explains[2] = direction * level;
@@ -740,7 +724,7 @@ static void take_block(estimator_state *state, real velocity_m_s)
     }
 }
 
-static void learn_offset(estimator_state *state, real velocity_m_s, const real sample[CHANNELS], int valid)
+static void learn_offset(estimator_state *state, double velocity_m_s, const double sample[CHANNELS], int valid)
 {
     const int32_t moving = velocity_m_s >= SLOWEST_M_S ? 1 : velocity_m_s <= -SLOWEST_M_S ? -1 : 0;
     const int32_t direction = valid ? moving : 0;
@@ -774,7 +758,7 @@ void NAMED(init)(estimator_state *state)
 {
     memset(state, 0, sizeof *state);
 #if LEARNS_OFFSET
-    begin_offset(state, R(0.0), R(-1.0));
+    begin_offset(state, 0.0, -1.0);
 #endif
 }
 
@@ -784,20 +768,20 @@ void NAMED(reset)(estimator_state *state)
 }
 
 #if LEARNS_OFFSET
-void NAMED(reset_from)(estimator_state *state, real offset_n, real uncertainty_n)
+void NAMED(reset_from)(estimator_state *state, estimator_real offset_n, estimator_real uncertainty_n)
 {
     memset(state, 0, sizeof *state);
-    begin_offset(state, offset_n, uncertainty_n);
+    begin_offset(state, (double)offset_n, (double)uncertainty_n);
 }
 
-real NAMED(offset_n)(const estimator_state *state)
+estimator_real NAMED(offset_n)(const estimator_state *state)
 {
-    return learned_offset(state);
+    return (estimator_real)learned_offset(state);
 }
 
-real NAMED(offset_uncertainty_n)(const estimator_state *state)
+estimator_real NAMED(offset_uncertainty_n)(const estimator_state *state)
 {
-    return offset_uncertainty(state);
+    return (estimator_real)offset_uncertainty(state);
 }
 #endif
 
@@ -813,20 +797,21 @@ void NAMED(warm_up)(estimator_state *state, SAMPLE_PARAMETERS, uint32_t steps)
 void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *output)
 {
 #if HAS_CORRECTIONS
-    const real reading[INPUTS] = {SAMPLE_NAMES};
-    real given[INPUTS];
+    const double reading[INPUTS] = {SAMPLES};
+    double given[INPUTS];
 #else
-    const real given[INPUTS] = {SAMPLE_NAMES};
+    const double given[INPUTS] = {SAMPLES};
 #endif
-    const real *window[CHANNELS];
-    real sample[CHANNELS];
+    const double *window[CHANNELS];
+    double sample[CHANNELS];
 #if HAS_LINES
-    real chamber[CHANNELS];
+    double chamber[CHANNELS];
 #else
-    const real *const chamber = sample;
+    const double *const chamber = sample;
 #endif
-    real filtered[ROWS];
-    real wider = R(1.0);
+    double filtered[ROWS];
+    double friction_n;
+    double wider = 1.0;
     int invalid[INPUTS];
     uint32_t flags = 0u, outside = 0u;
     int channel, regime, first, frozen = 0, bad = 0;
@@ -843,9 +828,9 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
     }
     first = !state->ready;
     if (first && bad) {
-        output->friction_n = R(0.0);
-        output->lower_n = R(0.0);
-        output->upper_n = R(0.0);
+        output->friction_n = (estimator_real)0.0;
+        output->lower_n = (estimator_real)0.0;
+        output->upper_n = (estimator_real)0.0;
         output->flags = flags | FLAG_NOT_READY;
         return;
     }
@@ -856,7 +841,7 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
 #if HAS_LOAD
     sample[INPUTS] = table_at(LOAD_N, sample);
 #if LOAD_IS_UNKNOWN
-    outside |= (uint32_t)(table_at(LOAD_UNKNOWN, sample) > R(0.5));
+    outside |= (uint32_t)(table_at(LOAD_UNKNOWN, sample) > 0.5);
 #endif
 #endif
     if (first) {
@@ -887,7 +872,7 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
     memcpy(state->held, sample, sizeof sample);
     flags |= outside * FLAG_OUTSIDE | (uint32_t)frozen * FLAG_FROZEN;
     flags |= trust(state, frozen || bad);
-    output->friction_n = estimate(state, filtered);
+    friction_n = estimate(state, filtered);
     regime = next_regime(state, filtered[VELOCITY_ROW]);
 #if HAS_FORCE_LIMITS
     flags |= unmodelled_force(state, chamber, regime);
@@ -898,7 +883,8 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
     flags |= state->directions == (EXTENDED | RETRACTED) && offset_supported(state) ? 0u : FLAG_OFFSET_UNKNOWN;
     learn_offset(state, filtered[VELOCITY_ROW], chamber, !(frozen || bad));
 #endif
-    output->lower_n = output->friction_n + wider * LOWER_N[regime];
-    output->upper_n = output->friction_n + wider * UPPER_N[regime];
+    output->friction_n = (estimator_real)friction_n;
+    output->lower_n = (estimator_real)(friction_n + wider * LOWER_N[regime]);
+    output->upper_n = (estimator_real)(friction_n + wider * UPPER_N[regime]);
     output->flags = flags;
 }

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.c_export.forest import FlatForest
-from cylinder_friction.deployment.rendering import Type, number, wrapped
+from cylinder_friction.deployment.rendering import number, wrapped
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS, LugreParameters
 from cylinder_friction.realtime import sensor_offset as at
@@ -33,12 +33,11 @@ from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 Data = dict[str, Any]
 AT_ONCE, ACROSS = 8, 16  # Sources and gates of a tile of weights, as in ``friction.c``
-ROUNDING = 1e-9  # Taps with a smaller sum are derivatives: a constant input gives 0
 # Most operations of a step that do not depend on the model's size
 GUARD_OPERATIONS, FORCE_OPERATIONS, LIMIT_OPERATIONS, HISTORY_OPERATIONS = 40, 10, 3, 60
 LOAD_OPERATIONS, BLOCK_OPERATIONS, LINE_OPERATIONS = 10, 150, 60
 ACTIVATION_OPERATIONS = 14  # Operations of one sigmoid or hyperbolic tangent, with the division as one
-C_TYPES = {"int32": "int", "uint16": "uint16_t", "uint32": "uint32_t", "float32": "float"}
+C_TYPES = {"int32": "int", "uint16": "uint16_t", "uint32": "uint32_t", "float32": "float", "float64": "double"}
 
 
 @dataclass(frozen=True)
@@ -111,13 +110,12 @@ class FilterBank:
         return sum(len(taps) for *_, taps in self.terms())
 
 
-def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: Type) -> Data:
+def model_data(model: StepModel | LugreModel, forest: FlatForest | None) -> Data:
     """Collect the macros and arrays of ``friction.c`` by name; guard and bounds have the names of their fields."""
     step = model.step if isinstance(model, LugreModel) else model
     bank, load, forces = FilterBank(step), step.position_load, force_limits(step)
     learned = step.network is not None or forest is not None
     data: Data = {
-        "SINGLE_PRECISION": real == "float",
         "IS_LUGRE": isinstance(model, LugreModel),
         "HAS_FEATURES": learned,
         "HAS_HISTORY": learned and step.history is not None,
@@ -137,8 +135,8 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
         "PRESSURE": np.array(step.pressures, dtype=np.int32),
         "INVALID": np.array([invalid_flag(name) for name in step.inputs], dtype=np.uint32),
         "STEP_S": step.sample_time_s,
-        **_filters(bank, real),
-        "BASE_N": f"({number(0.0, real)})" if bank.base is None else f"filtered[{bank.base}]",
+        **_filters(bank),
+        "BASE_N": "0.0" if bank.base is None else f"filtered[{bank.base}]",
         "VELOCITY_ROW": bank.velocity,
         "TARGET_MEAN_N": step.target_mean_n,
         "TARGET_SCALE_N": step.target_scale_n,
@@ -173,7 +171,7 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
         data |= {"FORCE_OF": forces[0][:-3], "SUMMED": forces[1][:-3], "LINE_N": forces[0][-3:]}
         data["LINE_SLOPE"] = forces[1][-3:]
     if step.offset is not None:
-        data |= _offset(step.offset, bank, real)
+        data |= _offset(step.offset, bank)
     return {name: value for name, value in data.items() if not isinstance(value, np.ndarray) or value.size}
 
 
@@ -212,21 +210,21 @@ def operations(model: StepModel | LugreModel, forest: FlatForest | None) -> int:
     return total
 
 
-def definitions(data: Mapping[str, Any], real: Type) -> list[str]:
-    """List the C of macros and arrays: fractions in the model's precision, float32 arrays as such."""
+def definitions(data: Mapping[str, Any]) -> list[str]:
+    """List the C of macros and arrays: fractions in double precision, float32 arrays as such."""
     lines = []
     for name, value in data.items():
         if isinstance(value, list):
             lines.append(_array("estimator_node", name, value))
         elif isinstance(value, np.ndarray):
-            kind = C_TYPES.get(value.dtype.name, real)
+            kind = C_TYPES[value.dtype.name]
             if value.dtype.kind == "f":
-                texts = [number(each, "float" if kind == "float" else real) for each in value.tolist()]
+                texts = [number(each, "float" if kind == "float" else "double") for each in value.tolist()]
             else:
                 texts = [f"{each}u" if value.dtype.kind == "u" else str(each) for each in value.tolist()]
             lines.append(_array(kind, name, texts))
         else:
-            lines.append(f"#define {name} {_literal(value, real)}")
+            lines.append(f"#define {name} {_literal(value)}")
     return lines
 
 
@@ -234,9 +232,9 @@ def _array(kind: str, name: str, items: list[str]) -> str:
     return f"static const {kind} {name}[{len(items)}] ALIGNED = {{\n{wrapped(items)}\n}};"
 
 
-def _literal(value: object, real: Type) -> str:
+def _literal(value: object) -> str:
     if isinstance(value, float):
-        text = number(value, real)
+        text = number(value)
         return f"({text})" if text.startswith("-") else text
     return str(int(value)) if isinstance(value, bool) else str(value)
 
@@ -267,14 +265,12 @@ def _load(load: PositionLoad, inputs: Sequence[str]) -> Data:
     }
 
 
-def _filters(bank: FilterBank, real: Type) -> Data:
+def _filters(bank: FilterBank) -> Data:
     """Build all taps, one term after the other, and a macro that takes each term."""
     taps: list[float] = []
     calls = []
     for row, channel, first, own in bank.terms():
-        total = float(own.sum())
-        constant = number(total if abs(total) > ROUNDING else 0.0, real)
-        calls.append(f"T({row}, {channel}, {len(taps)}, {first}, {len(own)}, {constant})")
+        calls.append(f"T({row}, {channel}, {len(taps)}, {first}, {len(own)})")
         taps.extend(own.tolist())
     lags, rows = bank.rows.shape[2], len(bank.rows)
     return {"LAGS": lags, "ROWS": rows, "TAPS": np.array(taps or [0.0]), "TERMS(T)": _calls(calls)}
@@ -354,10 +350,10 @@ def _forest(model: StepModel, forest: FlatForest) -> Data:
     }
 
 
-def _offset(tracker: at.OffsetTracker, bank: FilterBank, real: Type) -> Data:
+def _offset(tracker: at.OffsetTracker, bank: FilterBank) -> Data:
     settings, weights, zeros = tracker.settings, tracker.weights, tracker.zero_of(bank.rows).tolist()
     return {
-        "ZEROS(Z)": _calls(f"Z({row}, {number(zero, real)})" for row, zero in enumerate(zeros) if zero != 0.0),
+        "ZEROS(Z)": _calls(f"Z({row}, {number(zero)})" for row, zero in enumerate(zeros) if zero != 0.0),
         "BALANCE_OF": weights[at.BALANCE],
         "PRESSURE_OF": weights[at.PRESSURE],
         "LOAD_OF": weights[at.LOAD],
