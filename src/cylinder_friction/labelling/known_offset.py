@@ -166,7 +166,9 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     own_models = _deviation_models(both_ways, plan, model).values()
     deviations = {name: _deviation(each, own) for own in own_models for name, each in own.sessions.items()}
     known = [
-        replace(deviations[each.session], doubt=each.doubt) if each.session in left & deviations.keys() else each
+        replace(deviations[each.session], doubt=each.doubt, kept=each.kept)
+        if each.session in left & deviations.keys()
+        else each
         for each in known
     ]
     factor = _spread_factor(model, conditions, plan)
@@ -324,6 +326,7 @@ def _known(
 ) -> KnownOffset:
     found = None if model is None else model.sessions.get(session)
     doubt = next((each.uneven for each in own if each.uneven), "")
+    kept = any(each.sliding.kept_n > 0.0 for each in own)
     if found is None or model is None:
         reasons = dict.fromkeys(each.why_not or each.uneven for each in own if each.why_not or each.uneven)
         why_not = "; ".join(reasons) or f"no steady sliding faster than {1e3 * plan.slowest_m_s:g} mm/s"
@@ -332,9 +335,10 @@ def _known(
     else:
         count = len(model.sessions)
         together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
-        return _from_strokes(found, f"{_counted(found, plan)}, {found.sliding_s:.0f} s, {together}", condition_n)
+        words = f"{_counted(found, plan)}, {found.sliding_s:.0f} s, {together}"
+        return replace(_from_strokes(found, words, condition_n), kept=kept)
     stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))
-    source, kept = NOTHING if math.isnan(stated_n) else STATED, any(each.sliding.kept_n > 0.0 for each in own)
+    source = NOTHING if math.isnan(stated_n) else STATED
     return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n, doubt=doubt, kept=kept)
 
 
