@@ -371,7 +371,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identification.py ZEROS",
-        r"^zeros +(?:state how exact|map the load)|^intervals of 95 % hold",
+        r"^zeros +(?:state how exact|vent the chambers|map the load)|^intervals of 95 % hold",
         lambda *_: True,  # Advice, and what the intervals are, which are counted
     ),
     (

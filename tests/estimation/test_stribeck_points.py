@@ -64,14 +64,14 @@ def test_a_curve_has_no_number_with_unknown_zeros_however_alike_its_sessions_are
     one = IdentifiedCurve.through(sessions[:1], points, zeros, None, CYLINDER)
     assert one.to_dict()["why_not"].startswith("zeros are not stated; at the slowest steady sliding")
     assert (one.curve, {each.known_half_width_n for each in one.points}) == (None, {None})
-    for load, pattern, load_n, advice in (
-        ("none", None, 0.0, "state how exact the sensors are"),
-        ("none", "(?P<session>.*)", 0.0, "state how exact the sensors are"),
-        ("position", None, 200.0, "map the load (a load cell, or computed from geometry)"),
+    for load, zeros_n, load_n, advice in (
+        ("none", np.nan, 0.0, "state how exact the sensors are"),
+        ("none", 300.0, 0.0, "vent the chambers and state what each sensor reads then"),
+        ("position", np.nan, 200.0, "map the load (a load cell, or computed from geometry)"),
     ):
         run: Any = SimpleNamespace(cylinder=CYLINDER, loss=None, load_uncertainty_n=load_n)
-        run.offsets = {name: KnownOffset(name, "nothing", "") for name in "abc"}
-        run.logs = SimpleNamespace(recipe=SimpleNamespace(names=SimpleNamespace(pattern=pattern)))
+        run.offsets = {name: KnownOffset(name, "stated uncertainty", "", zeros_n, zeros_n, kept=True) for name in "abc"}
+        run.logs = SimpleNamespace(recipe=SimpleNamespace(names=SimpleNamespace(pattern="(?P<session>.*)")))
         run.friction = SimpleNamespace(labeller=SimpleNamespace(load=load))
         found = ModelSearch(sessions, run, generations=1, seed=0).zeros
         assert found.startswith(advice)

@@ -47,7 +47,7 @@ from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.identification.steady_points import undetermined
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.labelling.known_offset import mean_uncertainty_n
+from cylinder_friction.labelling.known_offset import VENT, mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import GivenLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR
 from cylinder_friction.recordings.conversion import Quarantined, logged_files, none_usable, other_rates
@@ -77,10 +77,7 @@ BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope
 """Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 LARGE = 0.25
 """Share of mean |friction| above which the shift by the sensors' zeros is named as the reason for wide intervals."""
-ZEROS = (
-    "state how exact the sensors are (--sensor-class, or sensor.accuracy_percent in the mapping); for narrower "
-    "intervals, read the sensors with vented chambers and state that (offset and sensor.zero_uncertainty)"
-)
+ZEROS = "state how exact the sensors are (--sensor-class, or sensor.accuracy_percent in the mapping)"
 LOAD = (
     "map the load (a load cell, or computed from geometry), or weigh a constant one (--load NEWTONS); strokes do not "
     "tell it from asymmetric friction"
@@ -197,8 +194,12 @@ class ModelSearch:
     @property
     def zeros(self) -> str:
         """State what to do if zeros or load leave parameters of a condition without a number; else empty."""
-        unknown = any(each.zeros.why_not for each in self.curves)
-        return (LOAD if self.run.friction.labeller.load == "position" else ZEROS) if unknown else ""
+        halves_n = [each.zeros.half_n for each in self.curves if each.zeros.why_not]
+        if not halves_n:
+            return ""
+        if self.run.friction.labeller.load == "position":
+            return LOAD
+        return ZEROS if math.isinf(max(halves_n)) else VENT
 
     def plain(self) -> IdentifiedModel:
         return self._identified(LuGre(), self._of(condition_of_smallest_friction(self.recordings)))
