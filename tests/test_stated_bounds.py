@@ -82,7 +82,7 @@ def test_estimate_without_a_model(
     assert "1 result of earlier runs kept" in again
     assert re.findall("^bounds.*", again, re.MULTILINE) == re.findall("^bounds.*", first, re.MULTILINE)
     assert re.search(
-        r"in each session; but in 1 session \(first log\): [\d.]+ N does not turn with the direction, while the stated "
+        r"if it is wrong; but in 1 session \(first log\): [\d.]+ N does not turn with the direction, while the stated "
         r"zeros and an asymmetry of friction explain [\d.]+ N; a load acts,",
         first,
     )

@@ -58,7 +58,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory, labelled_recordings: list[Rec
 def params_for(logs: Path) -> Params:
     content = compose_params(CONF, ["experiment=smoke"])
     pattern = r"(?P<session>condition(?P<condition>\d)_session\d)\.csv"
-    content["ingest"] |= {"source": str(logs), "truth": "", "channels": CHANNELS, "name_pattern": pattern}
+    content["ingest"] |= {"source": str(logs), "truth": str(logs), "channels": CHANNELS, "name_pattern": pattern}
     return check_params(content, "test")
 
 

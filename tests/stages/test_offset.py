@@ -26,7 +26,7 @@ from cylinder_friction.stages._stage import (
 )
 from shipped_params import shipped
 
-STATED = {name: SensorUncertainty(3000.0, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
+STATED = {name: SensorUncertainty(3000.0, 0.0, zeroed=True) for name in ("pressure_1_pa", "pressure_2_pa")}
 OFFSET_N = 12.0
 
 
@@ -121,7 +121,7 @@ def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workpla
     assert "the uncertainty of the sensors' zeros is not stated" in run("measured").tags["offsets"]
     assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
     for role in PROCESSED_FOLDERS:
-        change(role, uncertainty={**STATED, "load_force_n": SensorUncertainty(5.0, 0.0)})
+        change(role, uncertainty={**STATED, "load_force_n": SensorUncertainty(5.0, 0.0, zeroed=True)})
     assert run("measured", "always").tags["offsets"] == "identified"
     given, sessions = read_json(ESTIMATORS_FILE), read_json(OFFSET_FILE)["sessions"]
     assert given["inputs"] == ["pressure_1_pa", "pressure_2_pa", "position_m", "load_force_n"]

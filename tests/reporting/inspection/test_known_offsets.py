@@ -26,7 +26,7 @@ PRESSURES = ("pressure_1_pa", "pressure_2_pa")
 
 def stated(recording: Recording, session: str = "s0") -> Recording:
     """Return a recording of a session whose sensors' zeros are stated as uncertain."""
-    known = {name: SensorUncertainty(ZERO_PA, 0.0) for name in PRESSURES}
+    known = {name: SensorUncertainty(ZERO_PA, 0.0, zeroed=True) for name in PRESSURES}
     return replace(recording, metadata=replace(recording.metadata, session=session, uncertainty=known))
 
 
