@@ -58,7 +58,7 @@ def test_a_version_that_was_deleted_is_registered_again(project: Path) -> None:
 
 def test_a_version_whose_files_are_lost_is_deleted_and_registered_again(project: Path) -> None:
     shutil.rmtree(project / "mlartifacts/models")
-    for asked in ("serve --port 0", "lineage", "track", "stage register"):
+    for asked in ("serve --port 0", "lineage", "stage register"):
         assert advises(project, asked, REGISTER)
     client_of(project).delete_model_version(model_of(project), "1")
     run(project, *REGISTER.split())
