@@ -1,7 +1,7 @@
 """Clocks that were set back, late logs, copies and exchanged loggers: no alarm is lost, none is invented.
 
-Each life is 40 healthy logs, which a first night assesses, and 12 more that come later. The extended
-tests live through all cases with 16 and 40 lives.
+Each life is 40 healthy logs, which a first night assesses, and 12 more that come later. ``make lives``
+lives through all cases with 16 and 40 lives.
 """
 
 import os
@@ -109,7 +109,7 @@ def named_everywhere(folder: Path, health: FleetHealth, names: Sequence[str]) ->
 
 @pytest.mark.parametrize(
     ("life", "days", "at_once", "names_right"),
-    [*FEW, *(pytest.param(*each, marks=pytest.mark.extended) for each in MANY)],
+    [*FEW, *(pytest.param(*each, marks=pytest.mark.lives) for each in MANY)],
 )
 def test_a_clock_that_was_set_back_hides_no_alarm(
     tmp_path: Path, life: int, days: int, at_once: bool, names_right: bool
@@ -211,7 +211,7 @@ def after_event(folder: Path, life: int, wear: float, event: str) -> str:
     [
         *((life, event, WEAR if life % 2 else 0.0) for life, event in enumerate(EVENTS)),
         *(
-            pytest.param(life, event, wear, marks=pytest.mark.extended)
+            pytest.param(life, event, wear, marks=pytest.mark.lives)
             for life in range(20, 40)
             for event in EVENTS
             for wear in (0.0, WEAR)
