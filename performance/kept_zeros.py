@@ -14,30 +14,27 @@ The servo rig needs the package in ``benchmark``.
 """
 
 import argparse
-import math
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
 from scipy.stats.qmc import LatinHypercube
-from zero_sweep import Kind, identified, recordings
+from zero_sweep import BAR, Kind, identified, recordings
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.label import label
 from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
-from cylinder_friction.recordings.recording import Recording, SensorUncertainty
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.rig.campaign import KEPT_SHARES, ZERO_DRIFT_SD, ZERO_DRIFT_SESSIONS
+from cylinder_friction.rig.lever import ornstein_uhlenbeck
 
-BENCHES = {"default": Kind(0.0, 0.0, "default"), "wide": Kind(0.0, 0.0), "servo": Kind(0.0, 0.0, "servo")}
+SESSIONS = {"default": 6, "wide": 6, "servo": 8}
+"""Sessions of each condition, by bench: 24 in all."""
 LIMITS_BAR = {"±0.5 % of 250 bar": 1.25, "±0.25 %": 0.625}
 COUNTS = (1, 3, 12, 24)
-KEPT_SHARES = {"kept": 1.0, "drifting": 0.0, "kept and drifting": 0.5}
-DRIFT_SD = 0.5
-"""Standard deviation of drifting zeros, over the limit."""
-FORGET = 0.8
-"""Share of a drifting zero's deviation that the next session still has."""
 
 
 @dataclass(frozen=True)
@@ -50,26 +47,16 @@ class Bench:
 
     @classmethod
     def made(cls, name: str, limit_bar: float) -> "Bench":
-        cylinder, labelled, truths_n = recordings(BENCHES[name], 0, 6 if name != "servo" else 8, 30.0)
-        sensor = SensorUncertainty(1e5 * limit_bar / math.sqrt(3.0), 0.0005, 6.1e3)
-        stated = [
-            replace(each, metadata=replace(each.metadata, uncertainty=dict.fromkeys(PRESSURES, sensor)))
-            for each in labelled
-        ]
-        bare = [each.without_columns("friction_n", UNCERTAINTY_COLUMN) for each in stated]
-        return cls(cylinder, label(bare, cylinder), truths_n)
+        return cls(*recordings(Kind(0.0, limit_bar, name, zeroed=False), 0, SESSIONS[name], 30.0))
 
 
 def zeros_pa(generator: np.random.Generator, limit_bar: float, zeros: str, kept_shares: Array, count: int) -> Array:
     """Draw the zeros of both transmitters in each session, ``(count, 2)``; ``kept_shares`` of the limit are kept."""
-    walk = np.empty((count, 2))
-    walk[0] = generator.normal(0.0, DRIFT_SD, 2)
-    for session in range(1, count):
-        shock = generator.normal(0.0, DRIFT_SD * math.sqrt(1.0 - FORGET**2), 2)
-        walk[session] = FORGET * walk[session - 1] + shock
+    walk = partial(ornstein_uhlenbeck, generator, count, 1.0, ZERO_DRIFT_SESSIONS, ZERO_DRIFT_SD)
+    drifted = np.clip(np.stack([walk() for _ in PRESSURES], axis=1), -1.0, 1.0)
     kept = KEPT_SHARES[zeros]
-    shares = kept * kept_shares + (1.0 - kept) * np.clip(walk, -1.0, 1.0)
-    return np.asarray(1e5 * limit_bar * shares)
+    shares = kept * kept_shares + (1.0 - kept) * drifted
+    return np.asarray(BAR * limit_bar * shares)
 
 
 def draws(bench: Bench, limit_bar: float, zeros: str, count: int, number: int, seed: int) -> Iterator[dict[str, Array]]:
@@ -101,7 +88,9 @@ def _shifted(recording: Recording, zero_pa: Array, offset_n: float) -> Recording
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("benches", metavar="BENCH", nargs="*", default=list(BENCHES), help=f"of: {', '.join(BENCHES)}")
+    parser.add_argument(
+        "benches", metavar="BENCH", nargs="*", default=list(SESSIONS), help=f"of: {', '.join(SESSIONS)}"
+    )
     parser.add_argument("--zeros", nargs="*", choices=list(KEPT_SHARES), default=list(KEPT_SHARES))
     parser.add_argument("--draws", type=int, default=40, help="draws of zeros")
     parser.add_argument("--seed", type=int, default=0, help="of the draws")
