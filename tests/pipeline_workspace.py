@@ -11,6 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 from unittest.mock import patch
 
+from mlflow.tracking._tracking_service import utils as mlflow_stores
+
 from copied_stores import copied
 from cylinder_friction.commands.cli import main
 
@@ -40,6 +42,8 @@ def run_here(folder: Path, *command: str, check: bool = True) -> subprocess.Comp
     """Run ``cylinder-friction`` in a folder like ``run``, but in this process, which spares seconds of imports."""
     program, *words = command
     assert program == "cylinder-friction"
+    # MLflow remembers by a model's id where its files are; copies of a store have the same ids, but other files.
+    mlflow_stores._artifact_repos_cache.clear()
     out, err = io.StringIO(), io.StringIO()
     with chdir(folder), patch.dict(os.environ, environment(), clear=True), redirect_stdout(out), redirect_stderr(err):
         status = main(words)
