@@ -52,7 +52,7 @@ def test_the_model_is_taken_for_the_new_cylinder_and_refused_for_the_old_one(
     printed = capsys.readouterr().out
     assert "for      a cylinder of 80 mm bore and 45 mm rod, with friction of " in printed
     assert "its bounds rest on 2 sessions, each estimated by a model that was not trained on it" in printed
-    assert "; a tuned low-pass: " in printed
+    assert "gain     error " in printed
     assert f"model    {tmp_path}/adapted" in printed
     assert "offset   of the sensors' zeros: not identified: recording '0': the uncertainty of the zero of " in printed
     model = load_estimator(tmp_path / "adapted")

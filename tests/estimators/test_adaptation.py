@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.export import export_c
-from cylinder_friction.estimators.adaptation import adaptation_inputs, feature_places, share_that_holds
+from cylinder_friction.estimators.adaptation import adaptation_inputs, feature_places
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training import network_from, weights_of
 from cylinder_friction.estimators.training_plan import TrainingPlan
@@ -99,14 +99,6 @@ def test_a_network_begins_with_the_weights_that_exist_and_a_new_feature_without_
     np.testing.assert_array_equal(more.input[0, 1 : weights.inputs + 1], weights.input[0, : weights.inputs])
     for name in ("recurrent", "bias", "head"):
         np.testing.assert_array_equal(getattr(more, name), getattr(weights, name))
-
-
-def test_a_correction_that_does_not_hold_elsewhere_is_scaled_down() -> None:
-    wanted_n = np.array([1.0, -2.0, 3.0])
-    assert share_that_holds(wanted_n, wanted_n) == 1.0
-    assert share_that_holds(2.0 * wanted_n, wanted_n) == 0.5
-    assert share_that_holds(0.5 * wanted_n, wanted_n) == 1.0
-    assert share_that_holds(-wanted_n, wanted_n) == 0.0
 
 
 def test_what_is_not_fitted_cannot_be_adapted(press: list[Recording]) -> None:

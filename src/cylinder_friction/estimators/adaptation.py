@@ -71,12 +71,6 @@ def sliding_s(recording: Recording, direction: float) -> float:
     return float(np.count_nonzero(slides & recording.usable())) * recording.sample_time_s
 
 
-def share_that_holds(corrections_n: Array, wanted_n: Array) -> float:
-    """Find the factor, from 0 to 1, by which scaled corrections are nearest to the wanted ones (mean absolute)."""
-    shares = np.linspace(0.0, 1.0, 21)
-    return float(shares[np.argmin([np.abs(share * corrections_n - wanted_n).mean() for share in shares])])
-
-
 def left_out_in_words(recordings: Sequence[Recording], estimates_n: Sequence[Array]) -> str:
     """State the mean absolute error, against the label, of estimates [N] by models that did not train on them."""
     errors, labels = [], []

@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows, refuse_missing_inputs
+from cylinder_friction.estimators.linear import force_balance_taps, low_pass_balance_taps, refuse_missing_inputs
 from cylinder_friction.realtime.history import HISTORY_NAMES, History, history_rows, new_history
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals import causal
-from cylinder_friction.signals.least_squares import least_squares
 
 Design = Literal["force_balance", "paper", "full"]
 
-SMOOTHING_LAGS = 16
 CREEP_VELOCITY_M_S = 5e-3
 """Velocity at which the soft limit bends: below it lubrication is mixed and friction falls with velocity."""
 SMOOTH_POSITION = "position_m_20"  # The feature from which the history of motion is computed
@@ -113,7 +111,7 @@ def fit_front_end(
     Args:
         design: ``paper``: pressures, and any further input, through a moving average of 10 and velocity from
             differences of the averaged position, nothing to correct. ``force_balance``: the force balance and what
-            moves it; the network corrects the force balance, smoothed by least squares. ``full``: all features that the
+            moves it; the network corrects the force balance through a tuned low-pass. ``full``: all features that the
             inputs allow, the history of motion too. Without raw pressures ``force_balance`` equals ``full``, and there
             is no force balance to correct.
         cylinder: Its areas.
@@ -127,7 +125,7 @@ def fit_front_end(
     rows = _feature_rows(design, inputs, cylinder, sample_time_s)
     base = None
     if design != "paper" and _has_pressures(inputs):
-        base = smoothed_force_balance_taps(cylinder, recordings, inputs)
+        base = low_pass_balance_taps(cylinder, recordings, inputs)
     return standardised(with_history(unscaled_front_end(inputs, rows, base, sample_time_s)), recordings)
 
 
@@ -180,24 +178,6 @@ def standardised(front_end: FrontEnd, recordings: Sequence[Recording]) -> FrontE
         count = len(history.mean)
         history = replace(history, mean=mean[linear:][:count], scale=scale[linear:][:count])
     return replace(front_end, mean=mean[:linear], scale=scale[:linear], history=history)
-
-
-def smoothed_force_balance_taps(
-    cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS
-) -> Array:
-    """Fit the taps, shape ``(1, inputs, lags)``, of the causally smoothed force balance nearest to the labels.
-
-    This is least squares on the last ``SMOOTHING_LAGS`` values of P1·A1 - P2·A2, less a measured load: a finite Wiener
-    filter (Wiener 1949).
-    """
-    labels, masks = labelled_rows(recordings)
-    taps = force_balance_taps(cylinder, inputs)
-    balance, lags = causal.FirFilter(taps), causal.FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
-    rows = []
-    for recording, mask in zip(recordings, masks, strict=True):
-        rows.append(lags.run(balance.run(recording.samples(inputs)))[mask])
-    lagged = np.concatenate(rows)
-    return taps * least_squares(lagged, labels)
 
 
 def _has_pressures(inputs: tuple[str, ...]) -> bool:

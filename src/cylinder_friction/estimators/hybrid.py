@@ -1,9 +1,9 @@
 """The hybrid of LSTM and random forest, for any inputs.
 
-``force_balance``, the default: an LSTM corrects the causal force balance, and a forest corrects the residual of the
-LSTM. Without raw pressures, LSTM and forest give all of friction. ``paper``: an LSTM reads both pressures and velocity,
-filtered as published, and a random forest turns its last hidden state into the estimate. Without its forest, either
-design is the LSTM alone.
+``force_balance``, the default: an LSTM corrects a tuned low-pass of the force balance, and a forest
+corrects the residual of the LSTM. Without raw pressures, LSTM and forest give all of friction.
+``paper``: an LSTM reads both pressures and velocity, filtered as published, and a random forest turns
+its last hidden state into the estimate. Without its forest, either design is the LSTM alone.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ from cylinder_friction.estimators.adaptation import (
     feature_places,
     left_out_in_words,
     refuse_few_strokes,
-    share_that_holds,
 )
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import FOREST_FILE, ForestPlan, fit_forest
 from cylinder_friction.estimators.front_end import Design, FrontEnd, fit_front_end
+from cylinder_friction.estimators.gain import Gain
 from cylinder_friction.estimators.held_out import folds, held_out_for_stopping
+from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.estimators.onnx_files import read_forest, read_network, write_forest, write_network
 from cylinder_friction.estimators.training_plan import (
     Architecture,
@@ -75,6 +76,9 @@ class HybridEstimator(FrictionEstimator):
 
     Use it if you have labelled recordings of some ten minutes or more; with a few minutes ``adapt`` a trained one. It
     needs the extra ``train`` to fit, and none to estimate. Training takes minutes on one core, a step microseconds.
+    With raw pressures it corrects a tuned low-pass of the force balance. On the sessions that ``fit`` gets beside those
+    to train on, it scales the correction by the share that holds there, so a correction that gains nothing is dropped.
+    ``gain`` then states both errors; None: there were no such sessions, or nothing to correct.
 
     Args:
         cylinder: Its areas; needed for ``fit`` alone.
@@ -126,6 +130,7 @@ class HybridEstimator(FrictionEstimator):
         self.architecture, self.plan = architecture or Architecture(), plan or TrainingPlan()
         self.seed, self.device = seed, device
         self.learning_curve = TrainingCurve()
+        self.gain: Gain | None = None
         self.parts: HybridParts | None = None
 
     def fit(
@@ -141,10 +146,12 @@ class HybridEstimator(FrictionEstimator):
 
         Args:
             recordings: Labelled recordings.
-            validation: Labelled recordings of other sessions, which stop the network's training and calibrate the
-                bounds; None: whole sessions of ``recordings`` are held out for that, see ``held_out_for_stopping``,
-                or none if the plan's ``patience`` is None, and then there are no bounds.
-            calibration: Labelled recordings of further sessions; they calibrate the bounds instead of ``validation``.
+            validation: Labelled recordings of other sessions, which stop the network's training, decide the
+                share of the correction and calibrate the bounds; None: whole sessions of ``recordings`` are held
+                out for that, see ``held_out_for_stopping``, or none if the plan's ``patience`` is None, and then
+                there are no bounds.
+            calibration: Labelled recordings of further sessions; they count for the share, and calibrate the bounds
+                instead of ``validation``.
             checkpoint: State of the network's training, kept after each epoch.
             report: Called after each epoch with its number and both mean absolute errors [N].
             start: A trained hybrid of the same layers; the training continues from its network, see ``adapt``.
@@ -168,6 +175,7 @@ class HybridEstimator(FrictionEstimator):
         if self.forest_plan is not None:
             self._set(replace(self._fitted(), forest=self._fit_forest(sequences, self.forest_plan)))
         self.guard = self.bounds = self.trained_for = None
+        self._keep_what_holds([self._corrections([*validation, *calibration])] if calibration or validation else [])
         self.bounds_by_noise = ()
         if calibration or validation:
             self.calibrate(train, calibration or validation, self.cylinder)
@@ -180,18 +188,20 @@ class HybridEstimator(FrictionEstimator):
         position_load: PositionLoad | None = None,
         plan: TrainingPlan | None = None,
         bounds: bool = True,
-    ) -> HybridEstimator:
-        """Make a hybrid for another cylinder from this one and a few labelled recordings of that cylinder.
+    ) -> HybridEstimator | LowPassForceBalanceEstimator:
+        """Make a model for another cylinder from this hybrid and a few labelled recordings of that cylinder.
+
+        It is a hybrid, or, if the correction gains nothing, the tuned low-pass with the same tracker and bounds.
 
         - Scaled by areas: only the force balance P1·A1 - P2·A2; velocities and learned weights are not scaled.
-        - Fitted anew: smoothing of the force balance, mean and scale of every feature and of the correction, forest,
+        - Fitted anew: low-pass of the force balance, mean and scale of every feature and of the correction, forest,
           bounds, guard, ranges, and, if the recordings state identified zeros, the tracker of the sensors' offset.
         - Trained further: all weights of the network. A new feature, such as a load, begins without influence.
         - Kept: design, layers, nodes, size of the forest, lag. The sample time is that of the recordings.
 
         For the bounds, the training is repeated without some of the sessions, and that model estimates them, until each
-        session was left out once (cross-conformal prediction: Vovk 2015), see ``folds``. If a smaller correction fits
-        these sessions better, the correction is scaled down. ``trained_for`` states this model's hash and what the
+        session was left out once (cross-conformal prediction: Vovk 2015), see ``folds``. The correction is scaled by
+        the share that holds on these sessions, see ``gain``. ``trained_for`` states this model's hash and what the
         bounds rest on.
 
         Args:
@@ -220,16 +230,25 @@ class HybridEstimator(FrictionEstimator):
         )
         if groups:
             pairs = [each._corrections(own) for each, own in zip(without, groups, strict=True)]
-            share = share_that_holds(*np.concatenate(pairs, axis=1))
             for each in (result, *without):
-                each._shrink(share)
+                each._keep_what_holds(pairs)
             left_out = [recording for own in groups for recording in own]
             estimates_n = [each._stepped(one) for each, own in zip(without, groups, strict=True) for one in own]
             result.calibrate(recordings, left_out, cylinder, estimates_n)
             rests_on += left_out_in_words([each.lagged(result.lag_samples) for each in left_out], estimates_n)
         where = result.trained_for or TrainedFor.of(recordings, cylinder)
         result.trained_for = replace(where, adapted=adapted_in_words(self.saved_hash(), recordings, rests_on))
-        return result
+        return result._low_pass(recordings) if result.gain is not None and result.gain.share == 0.0 else result
+
+    def _low_pass(self, recordings: Sequence[Recording]) -> LowPassForceBalanceEstimator:
+        """Make the tuned low-pass that this hybrid corrects, with the hybrid's tracker and bounds."""
+        assert self.cylinder is not None
+        low_pass = LowPassForceBalanceEstimator(self.cylinder, inputs=self.inputs)
+        low_pass.position_load, low_pass.lag_s = self.position_load, self.lag_s
+        low_pass.fit(recordings)._copy_fitted(self)
+        low_pass.bounds, low_pass.bounds_by_noise = self.bounds, self.bounds_by_noise
+        low_pass.trained_for = self.trained_for
+        return low_pass
 
     def without_forest(self) -> HybridEstimator:
         """Copy this hybrid without its forest: the LSTM alone."""
@@ -278,11 +297,14 @@ class HybridEstimator(FrictionEstimator):
             pairs.append(np.stack([wanted.target + off_n, wanted.target])[:, wanted.usable])
         return np.concatenate(pairs, axis=1)
 
-    def _shrink(self, share: float) -> None:
-        """Scale the correction of the base force, both the network's and the forest's, by ``share``."""
+    def _keep_what_holds(self, pairs: Sequence[Array]) -> None:
+        """Scale the correction, both the network's and the forest's, by the share that holds; see ``Gain.of``."""
         parts = self._fitted()
-        mean_n, scale_n = share * parts.target_mean_n, share * parts.target_scale_n
-        self._set(replace(parts, target_mean_n=mean_n, target_scale_n=scale_n))
+        self.gain = Gain.of(pairs) if pairs and parts.front_end.has_base else None
+        if self.gain is not None:
+            share = self.gain.share
+            mean_n, scale_n = share * parts.target_mean_n, share * parts.target_scale_n
+            self._set(replace(parts, target_mean_n=mean_n, target_scale_n=scale_n))
 
     def _fit_forest(self, train: Sequence[SequenceData], plan: ForestPlan) -> Forest:
         """Fit the forest on the label (paper) or on the residual of the LSTM."""

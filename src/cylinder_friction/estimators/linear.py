@@ -68,6 +68,40 @@ def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: S
     return taps
 
 
+def low_pass_balance_taps(
+    cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS
+) -> Array:
+    """Tune the low-pass of ``LowPassForceBalanceEstimator``; return its taps, shape ``(1, inputs, lags)``.
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import low_pass_balance_taps
+        >>> low_pass_balance_taps(cylinder, train).shape[:2]
+        (1, 3)
+    """
+    taps = force_balance_taps(cylinder, inputs)
+    return taps * low_pass_response(_tuned_weight(causal.FirFilter(taps), recordings, inputs))
+
+
+def low_pass_response(weight: float) -> Array:
+    """Compute the impulse response of a first-order low-pass, cut once the rest is negligible (``FORGOTTEN``)."""
+    length = 1 if weight >= 1.0 else 1 + int(np.log(FORGOTTEN) / np.log1p(-weight))
+    return np.asarray(weight * (1.0 - weight) ** np.arange(length))
+
+
+def _tuned_weight(balance: causal.FirFilter, recordings: Sequence[Recording], inputs: Sequence[str]) -> float:
+    """Find the low-pass weight with the smallest mean absolute error of the balance in usable rows."""
+    labels, masks = labelled_rows(recordings)
+    forces = [balance.run(recording.samples(inputs)) for recording in recordings]
+
+    def error(weight: float) -> float:
+        low_pass = causal.ExponentialLowPass(weight)
+        smooth = [low_pass.advance(low_pass.new_state(), force)[:, 0] for force in forces]
+        estimates = np.concatenate([values[mask] for values, mask in zip(smooth, masks, strict=True)])
+        return float(np.mean(np.abs(estimates - labels)))
+
+    return float(minimize_scalar(error, bounds=(0.01, 1.0), method="bounded", options={"xatol": 1e-3}).x)
+
+
 def refuse_missing_inputs(inputs: Sequence[str]) -> None:
     """Raise ``ValueError`` if a raw pressure or the position is missing among the inputs.
 
@@ -212,18 +246,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Choose the weight with the smallest mean absolute error on the usable rows."""
-        recordings = self._begin_fit(recordings)
-        labels, masks = labelled_rows(recordings)
-        forces = [self._balance.run(recording.samples(self.channels)) for recording in recordings]
-
-        def error(weight: float) -> float:
-            low_pass = causal.ExponentialLowPass(weight)
-            smooth = [low_pass.advance(low_pass.new_state(), force)[:, 0] for force in forces]
-            estimates = np.concatenate([values[mask] for values, mask in zip(smooth, masks, strict=True)])
-            return float(np.mean(np.abs(estimates - labels)))
-
-        found = minimize_scalar(error, bounds=(0.01, 1.0), method="bounded", options={"xatol": 1e-3})
-        self.weight = float(found.x)
+        self.weight = _tuned_weight(self._balance, self._begin_fit(recordings), self.channels)
         return self
 
     def new_state(self) -> causal.LowPassState:
@@ -237,12 +260,10 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         return 3
 
     def step_model(self) -> StepModel:
-        """Describe one real-time step; its low-pass response is cut once the rest is negligible (``FORGOTTEN``)."""
+        """Describe one real-time step, see ``low_pass_response``."""
         self._refuse_unfitted()
         assert self.weight is not None
-        length = 1 if self.weight >= 1.0 else 1 + int(np.log(FORGOTTEN) / np.log1p(-self.weight))
-        response = self.weight * (1.0 - self.weight) ** np.arange(length)
-        return self._step_model(base_taps=self._balance.taps[0] * response)
+        return self._step_model(base_taps=self._balance.taps[0] * low_pass_response(self.weight))
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002
         return {"cylinder": self.cylinder.to_dict(), "weight": self.weight}

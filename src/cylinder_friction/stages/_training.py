@@ -174,6 +174,7 @@ def training_record(
         name=stage,
         params={**flat(settings), **found, "device": hybrid.device},
         metrics=metrics,
+        note="" if hybrid.gain is None else hybrid.gain.in_words(),
         curves=curves,
         artifacts=artifacts(*folders),
         datasets=data.datasets,
