@@ -38,7 +38,7 @@ def folder(tmp_path: Path, twelve_recordings: list[Recording]) -> Path:
 
 @pytest.fixture
 def run(folder: Path, cylinder: Cylinder) -> Run:
-    def run(name: str = "out", **options: object) -> FrictionOfLogs:
+    def run(name: str = "out", folder: Path = folder, **options: object) -> FrictionOfLogs:
         given = {"channels": STATED} | options
         return estimate_logs(folder, cylinder, folder.with_name(name), **given)  # type: ignore[arg-type]
 
@@ -216,17 +216,34 @@ def test_another_cylinder_or_mapping_begins_anew_and_loses_nothing(run: Run, fol
     assert written == {*(f"log0{each}.parquet" for each in range(5)), *(f"log0{each}.csv" for each in (0, 1, 3, 4))}
 
 
-def test_another_cylinders_logs_of_the_same_names_replace_nothing(run: Run, folder: Path, cylinder: Cylinder) -> None:
+@pytest.mark.parametrize("stroke_m", [0.25, 0.3])
+@pytest.mark.parametrize("shared", [(), ("log01.csv",)])
+def test_another_cylinders_logs_of_the_same_names_replace_nothing(
+    run: Run, folder: Path, cylinder: Cylinder, stroke_m: float, shared: tuple[str, ...]
+) -> None:
     run()
-    before = content(folder.with_name("out"))
-    second = folder.with_name("second")
+    out, second = folder.with_name("out"), folder.with_name("second")
+    before = content(out)
     second.mkdir()
     shutil.copy2(folder.with_name("later") / "log05.csv", second / "log00.csv")
-    with pytest.raises(FileExistsError, match=r"another log00.csv, of another cylinder, .*name another folder by --ou"):
-        estimate_logs(second, replace(cylinder, stroke_m=0.3), folder.with_name("out"), channels=STATED)
-    assert content(folder.with_name("out")) == before
-    again = estimate_logs(second, cylinder, folder.with_name("out"), channels=STATED)
-    assert again.new == ("log00",)
+    for name in shared:
+        shutil.copy2(folder / name, second)
+    with pytest.raises(FileExistsError, match=r"another log00\.csv") as refused:
+        estimate_logs(second, replace(cylinder, stroke_m=stroke_m), out, channels=STATED)
+    assert content(out) == before
+    assert (str(folder / "log00.csv") in str(refused.value), "--output" in str(refused.value)) == (True, True)
+    assert ("another cylinder" in str(refused.value)) == (stroke_m != cylinder.stroke_m)
+    both = estimate_logs([folder, second], cylinder, out, channels=STATED)
+    assert "second-log00" in names(both)
+
+
+def test_a_log_that_is_written_again_replaces_its_result_wherever_the_logs_lie(run: Run, folder: Path) -> None:
+    run()
+    shutil.copy2(folder.with_name("later") / "log05.csv", folder / "log00.csv")
+    assert run().new == ("log00",)
+    shutil.copytree(folder, moved := folder.with_name("moved"))
+    shutil.copy2(folder.with_name("later") / "log06.csv", moved / "log00.csv")
+    assert run(folder=moved).new == ("log00",)
 
 
 @pytest.mark.parametrize("name", ["log03.parquet", "panes/log03.js"])

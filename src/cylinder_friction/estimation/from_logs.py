@@ -9,10 +9,12 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import tempfile
 import warnings
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -110,7 +112,7 @@ def estimate_logs(
         OtherCylinderError: The model was trained for a cylinder with other areas.
         RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
             used are listed in ``refused``.
-        FileExistsError: The folder contains other files or the results of another cylinder's logs of the same names,
+        FileExistsError: The folder contains other files or results of other logs of the same names,
             overlaps with an input, or is being written by another call.
 
     Example:
@@ -133,14 +135,14 @@ def estimate_logs(
     depends_on = _depends_on(logs, cylinder, given_model, file_format)
     target = ResultFolder(into, SUMMARY_FILE, WRITTEN_BY, read)
     with target.scratch() as scratch:
-        before, there = kept_summary(into), read_results(into)
+        before, there, root = kept_summary(into), read_results(into), _seen_from(into, logs.root)
         listed = frozenset(before.get("files", ()))
-        new_logs, kept = sort_logs(logged_files(logs, rows_at_once), into, there, depends_on)
+        new_logs, kept = sort_logs(logged_files(logs, rows_at_once), into, there, depends_on, root)
         run = LabelledLogs(logs, new_logs, scratch, given_model, workers)
         labelled = _labelled(run, kept, depends_on)
         if not listed:
             target.claim()
-        new = _write_results(run, labelled, ResultWriter(run.friction, into, file_format, depends_on, listed))
+        new = _write_results(run, labelled, ResultWriter(run.friction, into, file_format, depends_on, listed, root))
         kept += without_new_result(there, new_logs, new, depends_on)
         _warn_of_shorter(there, new)
         results = sorted([*kept, *new], key=lambda each: Path(each.entry.source_file))
@@ -163,6 +165,14 @@ def estimate_logs(
     if overlaps := overlaps_in_words((each, each.duration_s) for each in result.recordings):
         warnings.warn(overlaps, stacklevel=2)
     return result
+
+
+def _seen_from(folder: Path, root: Path) -> str:
+    """State where logs lie, relative to the folder of results if both are on one drive."""
+    there = os.path.realpath(root)
+    with suppress(ValueError):  # Windows: another drive
+        there = os.path.relpath(there, os.path.realpath(folder))
+    return Path(there).as_posix()
 
 
 def _warn_of_shorter(earlier: Sequence[Result], new: Sequence[Result]) -> None:
@@ -221,6 +231,7 @@ class ResultWriter:
     file_format: FileFormat
     depends_on: Mapping[str, str]
     listed: Collection[str]  # Files in the folder that an earlier run wrote
+    root: str  # Folder of the logs, seen from ``folder``
 
     def written(
         self, labelled: LabelledRecording, offset: KnownOffset | None, loss: ApparentLoss | None, of_file: int
@@ -230,7 +241,7 @@ class ResultWriter:
         entry, bounded = self.friction.entry(finished, labelled.load), np.isfinite(finished.column("lower_n")).any()
         beside = (*([f"{entry.name}.csv"] if self.file_format == "csv" else []), pane_file(entry.name))
         compared = packed(labelled.evidence, labelled.samples)
-        result = Result(entry, self.depends_on, of_file, beside, bool(bounded), offset, compared)
+        result = Result(entry, self.depends_on, of_file, beside, bool(bounded), offset, compared, self.root)
         write_result(self.folder, finished, result, friction_pane(finished), self.listed)
         return result
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -159,6 +160,8 @@ class Result:
     bounded: bool  # Whether its friction has bounds
     offset: KnownOffset | None  # The offset of its session, as far as it was known; None with an estimator
     compared: str = field(repr=False, default="")  # Data that later recordings are compared with, from ``packed``
+    # Folder that ``source_file`` is relative to, seen from the folder of results: both may be moved together
+    logs: str = ""
 
     @property
     def file(self) -> str:
@@ -234,25 +237,37 @@ def read_results(folder: Path) -> list[Result]:
 
 
 def sort_logs(
-    logs: Sequence[LoggedFile], folder: Path, results: Iterable[Result], depends_on: Mapping[str, str]
+    logs: Sequence[LoggedFile],
+    folder: Path,
+    results: Iterable[Result],
+    depends_on: Mapping[str, str],
+    root: str,
 ) -> tuple[list[LoggedFile], list[Result]]:
     """Return the logs that are new, and the results to keep.
 
     A log is not new if all its results exist and were made from the same bytes under the same name, with the same
     cylinder, mapping, model and code. Every other log is new. All logs of its session are then processed again, because
     their offset and load are identified together. The results of a log that is gone are kept and marked.
+
+    Raises:
+        FileExistsError: A result of another cylinder, or of another folder than ``root``, would be replaced by a log of
+            the same name.
     """
     of_file: defaultdict[str, list[Result]] = defaultdict(list)
     for each in results:
         of_file[each.entry.source_file].append(each)
     digests = {log.name: log.digest for log in logs}
     known = {name: own[0].entry.source_sha256 for name, own in of_file.items()}
-    alike = [of_file[name][0] for name in sorted(known.keys() & digests.keys())]
-    others = [each for each in alike if each.depends_on.get("cylinder") != depends_on["cylinder"]]
-    if others and not {*known.values()} & {*digests.values()}:  # of a machine with the same file names
+    named = [of_file[name][0] for name in sorted(known.keys() & digests.keys())]
+    unlike = [each for each in named if each.entry.source_sha256 != digests[each.entry.source_file]]
+    others = [each for each in unlike if _is_other(each, depends_on, root)]
+    if others and 2 * len(others) >= len(named):  # else the same logs, moved, or with corrected dimensions
+        where = Path(os.path.normpath(folder / others[0].logs / others[0].entry.source_file))
+        of = ", of another cylinder," if others[0].depends_on.get("cylinder") != depends_on["cylinder"] else ""
         raise FileExistsError(
-            f"{folder}: holds the friction of another {others[0].entry.source_file}, of another cylinder, which this "
-            "run would replace; name another folder by --output, or remove this one first"
+            f"{folder}: holds the friction of another {others[0].entry.source_file}{of} ({where}), which this "
+            "run would replace; name another folder by --output, or, if both logs are of this cylinder, "
+            "give both in one run"
         )
     same = {
         name
@@ -269,6 +284,12 @@ def sort_logs(
     kept = [each for name in same - new for each in of_file[name]]
     kept += [_marked(each, GONE, depends_on) for name in gone for each in of_file[name]]
     return [log for log in logs if log.name in new], kept
+
+
+def _is_other(result: Result, depends_on: Mapping[str, str], root: str) -> bool:
+    """Check whether a result is of another cylinder, or of logs in another folder than ``root``."""
+    moved = bool(result.logs) and result.logs != root
+    return moved or result.depends_on.get("cylinder") != depends_on["cylinder"]
 
 
 def without_new_result(
