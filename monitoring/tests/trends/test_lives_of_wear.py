@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cylinder_friction_monitoring.trends.assessment import Assessment
 from cylinder_friction_monitoring.trends.plan import MonitorPlan
-from cylinder_friction_monitoring.trends.session_row import SessionRow
+from cylinder_friction_monitoring.trends.session_row import Indicator, SessionRow
 from cylinder_friction_monitoring.trends.verdict import assess
 from health_rows import changed, sessions
 
@@ -93,6 +94,16 @@ def test_a_rate_counts_days_and_not_sessions() -> None:
     weekly = [row for day, row in enumerate(rows) if day < 130 or day % 3 == 0]
     found = assess("press", weekly)
     assert rate_holds(found, 0.4 / 120.0 * LEVEL_N * 365.25)
+
+
+@pytest.mark.parametrize(("at_rest", "stated"), [(4, True), (5, False), (25, False)])
+def test_no_rate_is_stated_once_the_cylinder_stands_still(at_rest: int, stated: bool) -> None:
+    rows = worn(4, BEGINS + 60, BEGINS, 60, 0.4)
+    nothing = dict.fromkeys(rows[0].indicators, Indicator(None, why="no stroke"))
+    still = [replace(row, indicators=nothing) for row in sessions(len(rows) + at_rest)[len(rows) :]]
+    found = assess("press", rows + still, plan=MonitorPlan(limit_percent={"friction_n": 50.0}))
+    assert found.answer == "alarm"
+    assert ("now rising" in found.words, "reaches your limit" in found.words) == (stated, stated)
 
 
 def test_little_scatter_does_not_promise_to_find_everything() -> None:

@@ -20,7 +20,7 @@ DAYS_A_YEAR = 365.25
 FORESEEN_D = 36525.0  # Longest time until a limit is reached that is stated [days]
 FEW = 5  # Number of sessions whose mean shows whether a limit is passed
 BEYOND = 5
-"""Number of latest sessions in a row too far from the baseline at which the present state is unknown."""
+"""Number of latest sessions without a value, or too far from the baseline, that hide the present."""
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ def assess(
         for name, result in results.items()
     }
     tests = {name: result for name, result in results.items() if isinstance(result, Tested)}
-    alarms = [_alarm(test, test.alarm) for test in tests.values() if test.alarm is not None]
+    alarms = [_alarm(test, test.alarm, current) for test in tests.values() if test.alarm is not None]
     if set(tests) <= {"half_sum_n"}:
         found = _not_yet(cylinder, current, results, plan)
     elif alarms:
@@ -115,8 +115,10 @@ def _since(rows: Sequence[SessionRow], begins: str) -> list[SessionRow]:
     return ordered + [row for row in rows if not row.start]
 
 
-def _alarm(test: Tested, at: int) -> _Alarm:
+def _alarm(test: Tested, at: int, rows: Sequence[SessionRow]) -> _Alarm:
     dated = test.dated(at)
+    if test.rows[-1] not in rows[-BEYOND:]:  # such as a cylinder at rest: the rate would be a former one
+        dated = replace(dated, slope=None, slope_interval=None)
     return _Alarm(test, at, dated, _returned(test, at))
 
 
