@@ -89,7 +89,7 @@ def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
         def start(access: Access | None = None, limits: LiveLimits = PATIENT, log: Path | None = None) -> str:
             journal = running.enter_context(closing(Journal(tmp_path / "served.db")))
             service = LiveService(engine, journal, limits=limits)
-            app = create_app(service, tmp_path / "history", access=access, events=Events(log))
+            app = create_app(service, access=access, events=Events(log))
             return running.enter_context(serving(app, access=access))
 
         yield start

@@ -132,9 +132,9 @@ def serving(app: Starlette, port: int = 0, access: Access | None = None) -> Iter
         thread.join(60.0)
 
 
-def served(links: Sequence[Link], service: LiveService, folder: Path, use: Callable[[], Any], port: int = 0) -> Any:
+def served(links: Sequence[Link], service: LiveService, use: Callable[[], Any], port: int = 0) -> Any:
     """What ``use`` returns while the service runs, its WebSocket at ``port``."""
-    with serving(create_app(service, folder / "history", links), port):
+    with serving(create_app(service, links), port):
         return use()
 
 

@@ -26,11 +26,10 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.files.whole_files import write_json
 from cylinder_friction_live.access import Access
-from cylinder_friction_live.app import HISTORY_FOLDER
 from cylinder_friction_live.client import Client, LiveClientError
 from cylinder_friction_live.frames import SampleBlock, pack_samples
 from cylinder_friction_live.history import move_into_history
-from cylinder_friction_live.journal import Journal
+from cylinder_friction_live.journal import HISTORY_FOLDER, Journal
 from cylinder_friction_live.server import AnsweringProtocol
 from cylinder_friction_live.start import JOURNAL_FILE
 from live_process import PATIENT, stalled_client
@@ -110,7 +109,7 @@ def test_an_end_keeps_all_that_came_and_waits_for_no_client_that_reads_nothing(
         process.send_signal(sign)
         process.wait(timeout=60.0)
     journal = Journal(tmp_path / JOURNAL_FILE)
-    move_into_history(journal, tmp_path / HISTORY_FOLDER)
+    move_into_history(journal)
     journal.close()
     rows = 0
     for session in ("press", "stalled"):

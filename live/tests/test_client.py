@@ -10,7 +10,6 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,7 +46,7 @@ class Leaky:
 
 
 def test_estimates_that_were_lost_on_their_way_are_asked_for_again(
-    service: LiveService, newtons: Array, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    service: LiveService, newtons: Array, samples: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextmanager
     def leaky(*given: Any) -> Iterator[Leaky]:
@@ -69,13 +68,13 @@ def test_estimates_that_were_lost_on_their_way_are_asked_for_again(
         assert [index for index, _, _ in parts] == np.cumsum([0, *(len(each) for _, each, _ in parts[:-1])]).tolist()
         return np.concatenate([newtons for _, newtons, _ in parts])
 
-    got = served([], service, tmp_path, use, port)
+    got = served([], service, use, port)
     assert Leaky.lost > 0
     np.testing.assert_array_equal(got, newtons[:500])
 
 
 def test_after_samples_that_were_left_out_a_client_stays_connected(
-    service: LiveService, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    service: LiveService, samples: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing is missing where nothing was sent; connecting again would send all that is not acknowledged again."""
     connections: list[str] = []
@@ -99,7 +98,7 @@ def test_after_samples_that_were_left_out_a_client_stays_connected(
             client.wait_until_kept()
         return begun
 
-    assert served([], service, tmp_path, use, port) == [0, 12_050, 24_100]
+    assert served([], service, use, port) == [0, 12_050, 24_100]
     assert len(connections) == 1
 
 
@@ -164,14 +163,14 @@ client.itself = client
 """The collector finds the cycle at exit only, after the socket."""
 
 
-def test_a_client_that_nobody_closes_leaves_nothing_at_exit(service: LiveService, tmp_path: Path) -> None:
+def test_a_client_that_nobody_closes_leaves_nothing_at_exit(service: LiveService) -> None:
     port = free_port()
 
     def use() -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-c", LEFT_OPEN, f"ws://127.0.0.1:{port}/stream"]
         return subprocess.run(command, capture_output=True, text=True, check=True)
 
-    assert served([], service, tmp_path, use, port).stderr == ""
+    assert served([], service, use, port).stderr == ""
 
 
 def test_an_address_of_no_known_kind_is_named() -> None:

@@ -103,14 +103,14 @@ def test_it_goes_on_after_a_kill(engine: Engine, expected: Array, samples: Array
     after.keep()
     np.testing.assert_array_equal(kept.array("press 1"), expected[:600])
 
-    files = move_into_history(after.journal, tmp_path / "history")
+    files = move_into_history(after.journal)
     table = pd.read_parquet(files[0])
     assert files == [tmp_path / "history/press%201/1970-01-01/0000000000000000.parquet"]
     assert table["index"].tolist() == list(range(600))
     np.testing.assert_allclose(table["time_s"], 10.0 + 0.005 * np.arange(600))
     np.testing.assert_array_equal(table[list(engine.inputs)], samples[:600])
     np.testing.assert_array_equal(table[["friction_n", "lower_n", "upper_n", "flags"]], expected[:600])
-    assert move_into_history(after.journal, tmp_path / "history") == []
+    assert move_into_history(after.journal) == []
 
 
 def test_a_restart_with_another_model_lets_sessions_begin_anew_and_states_so(
@@ -132,7 +132,7 @@ def test_a_restart_with_another_model_lets_sessions_begin_anew_and_states_so(
     assert session.begins_anew == ""
     np.testing.assert_array_equal(kept.array("press")[:300, :3], newtons[:300])
     np.testing.assert_array_equal(kept.array("press")[300:, :3], other_estimator.real_time().run(samples[300:600])[0])
-    files = move_into_history(after.journal, tmp_path / "history")
+    files = move_into_history(after.journal)
     models = {pq.read_schema(path).metadata[b"model"].decode(): len(pd.read_parquet(path)) for path in files}
     assert models == {engine.model: 300, other.model: 300}
 
@@ -141,10 +141,10 @@ def test_what_is_not_written_in_time_stays_in_the_journal(service: LiveService, 
     for name in ("press 1", "press 2"):
         service.receive(blocks(opened(service, name), samples, 0, 100))
     service.keep()
-    assert move_into_history(service.journal, tmp_path / "history", within_s=0.0) == []
+    assert move_into_history(service.journal, within_s=0.0) == []
     service.journal.forget(service.journal.last_chunk(), but=["press 2"])
     assert service.journal.with_chunks(service.journal.last_chunk()) == ["press 2"]
-    (path,) = move_into_history(service.journal, tmp_path / "history")
+    (path,) = move_into_history(service.journal)
     assert pd.read_parquet(path)["index"].tolist() == list(range(100))
     assert path.parts[-3] == "press%202"
 
@@ -154,12 +154,12 @@ def test_a_past_day_becomes_one_file_also_over_a_kill(service: LiveService, samp
     for at in range(0, 40, 10):
         service.receive([SampleBlock(session.handle, at, 60.0 + 0.005 * at, samples[at : at + 10])])
         service.keep()
-        paths = move_into_history(service.journal, tmp_path / "history")
+        paths = move_into_history(service.journal)
     left_by_a_kill = paths[0].read_bytes()
     assert join_past_days(tmp_path / "history") == []  # today may grow
     service.receive([SampleBlock(session.handle, 40, DAY_S, samples[40:50])])
     service.keep()
-    move_into_history(service.journal, tmp_path / "history")
+    move_into_history(service.journal)
     (joined,) = join_past_days(tmp_path / "history")
     paths[0].write_bytes(left_by_a_kill)
     for _ in range(2):
@@ -214,14 +214,14 @@ def test_what_could_not_be_kept_is_kept_later(service: LiveService, samples: Arr
     assert (service.keeps_not_because, service.unkept_rows) == ("database or disk is full", 99)
     service.keep()
     assert (service.keeps_not_because, service.unkept_rows, session.kept_index) == ("", 0, 99)
-    (path,) = move_into_history(service.journal, tmp_path / "history")
+    (path,) = move_into_history(service.journal)
     assert pd.read_parquet(path)["index"].tolist() == list(range(99))
 
 
 def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
     with sqlite3.connect(tmp_path / "journal.db") as database:
         database.execute("CREATE TABLE session (name TEXT)")
-    with pytest.raises(JournalError, match="a journal of version 0, expected 3; let the program that wrote it"):
+    with pytest.raises(JournalError, match="a journal of version 0, expected 4; let the program that wrote it"):
         Journal(tmp_path / "journal.db")
 
 
@@ -269,7 +269,7 @@ def test_a_session_that_cannot_be_written_stops_no_other(service: LiveService, s
     history = tmp_path / "history"
     history.mkdir()
     (history / "bad").write_text("a file where its folder would be")
-    files = move_into_history(service.journal, history)
+    files = move_into_history(service.journal)
     days = {path.parent.relative_to(history).as_posix() for path in files}
     assert days == {"good/1970-01-01", "timeless/no-day"}
     assert service.journal.with_chunks(service.journal.last_chunk()) == ["bad"]

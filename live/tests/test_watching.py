@@ -12,12 +12,11 @@ from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction_live.app import HISTORY_FOLDER
 from cylinder_friction_live.client import Client
 from cylinder_friction_live.engine import Engine
 from cylinder_friction_live.frames import SampleBlock
 from cylinder_friction_live.history import last_rows, move_into_history
-from cylinder_friction_live.journal import Journal
+from cylinder_friction_live.journal import HISTORY_FOLDER, Journal
 from cylinder_friction_live.replay import Replay
 from cylinder_friction_live.service import LiveService
 from cylinder_friction_live.settings import SessionRules
@@ -37,7 +36,7 @@ def test_after_the_end_a_page_gets_the_last_rows(served: Callable[..., str], sam
     with Client(f"ws://{address}/stream", "press", 0.005) as client:
         client.send(samples[:400])
         client.wait_until_kept()
-    damaged = tmp_path / "history" / HISTORY_FOLDER / "press/2026-01-01/0000000000000000.parquet"
+    damaged = tmp_path / HISTORY_FOLDER / "press/2026-01-01/0000000000000000.parquet"
     damaged.parent.mkdir(parents=True)
     damaged.write_bytes(b"nothing that Parquet is")
     with connect(f"ws://{address}/watch") as page:
@@ -87,7 +86,7 @@ def test_a_replay_is_not_of_the_future(served: Callable[..., str], labelled_reco
 
 def test_last_rows_come_from_the_history_without_a_gap(engine: Engine, samples: Array, tmp_path: Path) -> None:
     inputs = engine.inputs
-    assert last_rows(tmp_path, "press", inputs, 50) is None
+    assert last_rows(tmp_path / HISTORY_FOLDER, "press", inputs, 50) is None
     with closing(Journal(tmp_path / "journal.db")) as journal:
         service = LiveService(engine, journal)
         session = service.open("press", inputs, engine.sample_time_s)
@@ -97,9 +96,9 @@ def test_last_rows_come_from_the_history_without_a_gap(engine: Engine, samples: 
             service.sessions["press"].order.rules = SessionRules(hold_s=1e-9)
             service.overdue()
             service.keep()
-            move_into_history(journal, tmp_path)
+            move_into_history(journal)
     for before, index in ((None, range(450, 500)), (420, range(400, 420)), (150, range(100, 150)), (0, ())):
-        found = last_rows(tmp_path, "press", inputs, 50, before)
+        found = last_rows(tmp_path / HISTORY_FOLDER, "press", inputs, 50, before)
         if not index:
             assert found is None
             continue

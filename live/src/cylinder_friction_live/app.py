@@ -28,7 +28,6 @@ from cylinder_friction_live.stribeck import Lines
 from cylinder_friction_live.watching import Watchers
 
 OVERDUE_S, REFRESH_S = 0.05, 1.0
-HISTORY_FOLDER, ENGINES_FOLDER = "history", "engines"
 LAST_WORD_S, LAST_MOVES_S = 0.3, 0.5
 """Time at the end for clients to read their last acknowledgements, and to move the journal into the history [s]."""
 STATIC = Path(__file__).parent / "static"
@@ -36,14 +35,13 @@ STATIC = Path(__file__).parent / "static"
 
 def create_app(
     service: LiveService,
-    folder: Path,
     links: Sequence[Link] = (),
     access: Access | None = None,
     host: str = "127.0.0.1",
     events: Events | None = None,
     stribeck: Lines | None = None,
 ) -> Starlette:
-    """Build the application around a service; ``folder`` holds its history and engines.
+    """Build the application around a service.
 
     ``stribeck`` are curves for its page. ``links`` start and end with the application. ``app.state.drain`` accepts no
     more messages, and keeps and acknowledges those that came.
@@ -51,8 +49,8 @@ def create_app(
     Raises:
         AccessError: The tokens cannot be read.
     """
-    events, history = events or Events(), folder / HISTORY_FOLDER
-    peers, watchers = Peers(events), Watchers(service, history, stribeck)
+    events = events or Events()
+    peers, watchers = Peers(events), Watchers(service, stribeck)
     guard = AccessControl(access or Access(), host, peers.refused, events)
     service.takers += [link.note for link in links]
 
@@ -97,7 +95,7 @@ def create_app(
         async with AsyncExitStack() as started:
             jobs: dict[str, Job] = {
                 "keeping": partial(keep_each_second, service, peers),
-                "history": partial(move_each_minute, service, history),
+                "history": partial(move_each_minute, service),
                 "gaps": partial(_overdue, service),
                 "page": watchers.tick,
                 "tokens": partial(_refresh, guard),
@@ -110,7 +108,7 @@ def create_app(
                 await started.enter_async_context(link.running(service, peers))
             yield
         service.keep()
-        move_into_history(service.journal, history, within_s=LAST_MOVES_S)
+        move_into_history(service.journal, within_s=LAST_MOVES_S)
         events.close()
 
     app = Starlette(

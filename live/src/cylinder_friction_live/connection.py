@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import sqlite3
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -201,7 +202,7 @@ class Connection:
                 self._take_frame(message)
             else:
                 self._take_text(message)
-        except (FrameError, LiveError) as error:
+        except (FrameError, LiveError, sqlite3.Error) as error:
             self._peers.refused[type(error).__name__] += 1
             later = {"retry_after_s": RETRY_S} if isinstance(error, BusyError) else {}
             self._put_text(json.dumps({"error": str(error), **later}))

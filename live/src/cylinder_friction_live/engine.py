@@ -45,6 +45,7 @@ class Engine:
         bounds: What lies between the bounds, in words.
         pressure_noise_pa: Greatest noise of the pressures at which the bounds hold [Pa]; 0: not stated.
         sample_time_s: Sample time of the model [s].
+        state_bytes: Size of a session's state.
         golden_difference_n: Largest deviation from its golden trajectory, once ``check`` has run it [N].
 
     Raises:
@@ -56,14 +57,14 @@ class Engine:
         if described["processor"] != processor():
             raise OSError(f"{folder}: compiled for another processor; start the service here with that model")
         self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
-        self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
+        self.sample_time_s, self.state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
         loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
         self._batch, self._frames, self._init = (loaded[f"{NAME}_{each}"] for each in ("batch", "frames", "init"))
         self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 6)
         self._frames.argtypes = (*(ctypes.c_void_p, ctypes.c_uint32) * 2, *(ctypes.c_void_p,) * 2)
         self._init.argtypes = (ctypes.c_void_p,)
         self._batch.restype = self._frames.restype = self._init.restype = None
-        self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
+        self._states: NDArray[np.uint8] = np.zeros((0, self.state_bytes), dtype=np.uint8)
         self._states_at = 0
         self._free: list[int] = []
         self.bounds = str(described.get("bounds", "not stated"))
@@ -71,16 +72,19 @@ class Engine:
         self.golden_difference_n: float | None = None
         self.called = called
 
-    def add(self) -> int:
-        """Add a fresh session; return its slot."""
+    def add(self, saved: bytes | None = None) -> int:
+        """Add a fresh session, or one with a state from ``saved``; return its slot."""
         if not self._free:
             count = len(self._states)
-            grown = np.zeros((max(16, 2 * count), self._state_bytes), dtype=np.uint8)
+            grown = np.zeros((max(16, 2 * count), self.state_bytes), dtype=np.uint8)
             grown[:count] = self._states
             self._free = list(range(len(grown) - 1, count - 1, -1))
             self._states, self._states_at = grown, grown.ctypes.data
         slot = self._free.pop()
-        self._init(self._states[slot].ctypes.data)
+        if saved is None:
+            self._init(self._states[slot].ctypes.data)
+        else:
+            self._states[slot] = np.frombuffer(saved, dtype=np.uint8)
         return slot
 
     def remove(self, slot: int) -> None:
@@ -90,16 +94,6 @@ class Engine:
     def saved(self, slot: int) -> bytes:
         """Copy a session's whole state as bytes."""
         return self._states[slot].tobytes()
-
-    def restore(self, slot: int, saved: bytes) -> None:
-        """Restore a saved state of this model.
-
-        Raises:
-            ValueError: Its length is not that of a state.
-        """
-        if len(saved) != self._state_bytes:
-            raise ValueError(f"a saved state has {len(saved)} bytes; expected {self._state_bytes}")
-        self._states[slot] = np.frombuffer(saved, dtype=np.uint8)
 
     def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
         """Step through all jobs in order; return newtons and flags of each, as in ``EstimateBlock``."""

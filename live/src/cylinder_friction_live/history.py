@@ -10,6 +10,7 @@ import math
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,7 +32,7 @@ _log = logging.getLogger(__name__)
 _NEWTONS = ("friction_n", "lower_n", "upper_n")
 
 
-def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf) -> list[Path]:
+def move_into_history(journal: Journal, within_s: float = math.inf) -> list[Path]:
     """Write the chunks of the journal into Parquet and remove them from the journal; return the files.
 
     Sessions that are not begun ``within_s`` stay in the journal.
@@ -49,7 +50,7 @@ def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf
     while waiting and time.monotonic() < deadline_s:
         name = waiting.pop(0)
         try:
-            paths += write_session(journal, name, last, folder)
+            paths += write_session(journal, name, last)
         except Exception:
             _log.exception("session %s stays in the journal, not in the history", name)
             failed.append(name)
@@ -57,14 +58,14 @@ def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf
     return paths
 
 
-def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
+def write_session(journal: Journal, name: str, last: int) -> list[Path]:
     """Write the chunks of one session, up to a chunk's number, into Parquet, and leave them in the journal."""
     files: defaultdict[tuple[bool, str, str | None, tuple[str, ...]], list[Chunk]] = defaultdict(list)
     for chunk in journal.chunks(name, last):
         files[chunk.estimates is None, _day_of(chunk.time_s), chunk.model, chunk.inputs].append(chunk)
     paths = list[Path]()
     for (is_late, day, _, _), chunks in files.items():
-        days = folder / quote(name, safe="") / (LATE_FOLDER if is_late else "")
+        days = journal.history / quote(name, safe="") / (LATE_FOLDER if is_late else "")
         paths.append(days / day / f"{chunks[0].index:016d}.parquet")
         write_whole(table_of(chunks), paths[-1])
     return paths
@@ -99,6 +100,22 @@ def last_rows(
     newtons, samples = (np.column_stack([values[each][first:] for each in some]) for some in (_NEWTONS, inputs))
     index, time_s = int(values["index"][first]), float(values["time_s"][first])
     return replace(EstimateBlock.of(0, index, time_s, newtons, values["flags"][first:]), model=model), samples
+
+
+def next_index_of(folder: Path, name: str) -> int | None:
+    """Find the index behind the newest readable row of a session's history; None if it has none."""
+    paths = (folder / quote(name, safe="")).glob("????-??-??/*.parquet")
+    for path in sorted(paths, key=lambda each: each.stem, reverse=True):
+        with suppress(OSError, ValueError):  # a damaged file
+            return _last_index(path) + 1
+    return None
+
+
+def _last_index(path: Path) -> int:
+    import pyarrow.parquet as pq
+
+    described = pq.read_metadata(path)
+    return int(described.row_group(described.num_row_groups - 1).column(0).statistics.max)
 
 
 def _day_of(time_s: float) -> str:
@@ -168,11 +185,10 @@ def _joined_day(day: Path) -> list[Path]:
     runs: list[list[Path]] = []
     last_index = -1
     for path in sorted(day.glob("*.parquet")):
-        described = pq.read_metadata(path)
         if int(path.stem) <= last_index:
             path.unlink()  # part of a joined file
             continue
-        last_index = described.row_group(described.num_row_groups - 1).column(0).statistics.max
+        last_index = _last_index(path)
         if runs and pq.read_schema(runs[-1][0]).equals(pq.read_schema(path), check_metadata=True):
             runs[-1].append(path)
         else:

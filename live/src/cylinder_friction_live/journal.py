@@ -1,13 +1,17 @@
 """The journal, in SQLite, for a restart: the state of each session, and all estimates that are not in Parquet yet."""
 
 import json
+import logging
 import sqlite3
 import struct
 import threading
+import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -17,13 +21,17 @@ from cylinder_friction_live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, 
 SAME_TIME = 0.5
 """Share of the sample time by which the sender's clock may jitter between blocks that are joined in one chunk."""
 _FORGOTTEN_AT_ONCE = 1000
-_PAGE_BYTES = 32768
+PAGE_BYTES = 32768
 """Page size [bytes] that fits a second of a session; four pages of SQLite's 4096 bytes took twice the time."""
 _LOG_PAGES = 256
-_VERSION = 3
+_VERSION = 4
+_UNREADABLE_ROWS = 10_000
+"""Most successive rows of a damaged journal that cannot be read, before its next table is tried."""
+HISTORY_FOLDER = "history"
 _TABLES = f"""
-CREATE TABLE IF NOT EXISTS session (name TEXT PRIMARY KEY, content TEXT NOT NULL, state BLOB NOT NULL)
-    WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS session (
+    id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, content TEXT NOT NULL, state BLOB NOT NULL
+);
 CREATE TABLE IF NOT EXISTS chunk (
     id INTEGER PRIMARY KEY, name TEXT NOT NULL, first_index INTEGER NOT NULL, rows INTEGER NOT NULL,
     content TEXT NOT NULL, samples BLOB NOT NULL, estimates BLOB NOT NULL
@@ -35,10 +43,11 @@ PRAGMA user_version = {_VERSION};
 
 # One statement for many rows, as a thread that writes row by row waits for the event loop at each row
 _KEEP_SESSIONS = """
-INSERT OR REPLACE INTO session
+INSERT INTO session (name, content, state)
 SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'),
     substr(?2, json_extract(value, '$[2]'), json_extract(value, '$[3]'))
-FROM json_each(?1)
+FROM json_each(?1) WHERE true
+ON CONFLICT (name) DO UPDATE SET content = excluded.content, state = excluded.state
 """
 _KEEP_CHUNKS = """
 INSERT INTO chunk (name, first_index, rows, content, samples, estimates)
@@ -48,10 +57,15 @@ SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(va
 FROM json_each(?1)
 """
 _ChunkRow = tuple[str, int, int, dict[str, Any], bytes, bytes]
+_log = logging.getLogger(__name__)
 
 
 class JournalError(ValueError):
     """The file is no journal of this version; the message states what to do."""
+
+
+class DamagedSessionError(ValueError):
+    """What the journal holds of a session cannot be read, or is not what was written."""
 
 
 @dataclass(slots=True)
@@ -63,6 +77,10 @@ class SavedSession:
     counts: dict[str, int]
     model: str  # SHA-256 of the model
     state: bytes  # The model's whole state for this session
+
+    def checksum(self) -> int:
+        """Sum up all of it, to notice damage."""
+        return crc32(self.state, crc32(repr((self.name, self.next_index, self.counts, self.model)).encode()))
 
 
 @dataclass(slots=True)
@@ -137,6 +155,7 @@ class PendingChunk:
         about = ("time_s", "sample_time_s", "inputs", "model")
         content = {name: getattr(self, name) for name in about}
         samples, estimates = b"".join(self.samples), b"".join(self.newtons + self.flags)
+        content["checksum"] = crc32(estimates, crc32(samples))
         return self.name, self.index, self.rows, content, samples, estimates
 
     def chunk(self) -> Chunk:
@@ -146,6 +165,8 @@ class PendingChunk:
 
 def _chunk_of(row: _ChunkRow) -> Chunk:
     name, index, rows, of, samples, kept = row
+    if crc32(kept, crc32(samples)) != of["checksum"]:
+        raise ValueError("its checksum differs")
     flags_at, estimates = ROW_BYTES * rows, None
     if of["model"] is not None:
         estimates = EstimateBlock(0, index, of["time_s"], kept[:flags_at], kept[flags_at:], of["model"])
@@ -167,22 +188,53 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._writing = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-        self._turn = threading.Lock()
-        tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
-        version = self._writing.execute("PRAGMA user_version").fetchone()[0]
-        if tables and version != _VERSION:
-            self._writing.close()
-            raise JournalError(
-                f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
-                "move it into the history (start and stop it once), or move the file away"
+        self._turn, self.history = threading.Lock(), path.with_name(HISTORY_FOLDER)
+        try:
+            self._open(path)
+        except sqlite3.OperationalError:
+            raise
+        except sqlite3.DatabaseError as error:
+            aside = path.with_name(time.strftime(f"{path.stem}-damaged-%Y%m%dT%H%M%S{path.suffix}"))
+            for end in ("-wal", "-shm", ""):
+                if (part := path.with_name(path.name + end)).exists():
+                    part.rename(aside.with_name(aside.name + end))
+            self._open(path)
+            _log.error(
+                "%s is damaged (%s): what can be read was copied; the damaged file is now %s", path, error, aside
             )
-        self._writing.executescript(
-            f"PRAGMA page_size={_PAGE_BYTES}; PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; "
-            f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
-        )
+            self._copy_readable(aside)
+
+    def _open(self, path: Path) -> None:
+        self._writing = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        with ExitStack() as opened:
+            opened.callback(self._writing.close)
+            tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+            version = self._writing.execute("PRAGMA user_version").fetchone()[0]
+            if tables and version != _VERSION:
+                raise JournalError(
+                    f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
+                    "move it into the history (start and stop it once), or move the file away"
+                )
+            (found,) = self._writing.execute("PRAGMA quick_check(1)").fetchone()
+            if found != "ok":
+                raise sqlite3.DatabaseError(found)
+            self._writing.executescript(
+                f"PRAGMA page_size={PAGE_BYTES}; PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; "
+                f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
+            )
+            opened.pop_all()
         self._reading = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
         self._files = {each: each.stat().st_ino for each in (path, path.with_name(f"{path.name}-wal"))}
+
+    def _copy_readable(self, damaged: Path) -> None:
+        """Copy every row that can be read from a damaged journal."""
+        with closing(sqlite3.connect(damaged)) as old, self._writing:
+            old.execute("PRAGMA writable_schema=ON")  # otherwise SQLite reads nothing of a file that was cut
+            self._writing.execute("BEGIN")
+            self._writing.executemany("INSERT OR IGNORE INTO session VALUES (?, ?, ?, ?)", _readable(old, "session"))
+            self._writing.executemany(
+                "INSERT OR IGNORE INTO chunk VALUES (?, ?, ?, ?, ?, ?, ?)", _readable(old, "chunk")
+            )
 
     def close(self) -> None:
         """Close the file."""
@@ -190,11 +242,28 @@ class Journal:
         self._writing.close()
 
     def session(self, name: str) -> SavedSession | None:
-        """Read a session as it was last written, or None."""
-        row = self._reading.execute("SELECT content, state FROM session WHERE name = ?", (name,)).fetchone()
-        if row is None:
-            return None
-        return SavedSession(name, **json.loads(row[0]), state=row[1])
+        """Read a session as it was last written, or None.
+
+        Raises:
+            DamagedSessionError: What was written of it cannot be read, or has changed since.
+        """
+        try:
+            row = self._reading.execute("SELECT content, state FROM session WHERE name = ?", (name,)).fetchone()
+            if row is None:
+                return None
+            content = json.loads(row[0])
+            checksum = content.pop("checksum")
+            saved = SavedSession(name, **content, state=row[1])
+            if saved.checksum() != checksum:
+                raise ValueError("its checksum differs")
+        except (sqlite3.Error, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise DamagedSessionError(f"what the journal holds of it is damaged ({error})") from error
+        return saved
+
+    def next_index(self, name: str) -> int | None:
+        """Find the index behind a session's newest chunk; None if it has none."""
+        query = "SELECT MAX(first_index + rows) FROM chunk WHERE name = ?"
+        return self._reading.execute(query, (name,)).fetchone()[0]
 
     def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[PendingChunk]) -> None:
         """Write states and the estimates that led to them, all or nothing.
@@ -224,7 +293,12 @@ class Journal:
             (name, up_to, from_index),
         )
         for index, count, content, samples, estimates in rows:
-            yield _chunk_of((name, index, count, json.loads(content), samples, estimates))
+            try:
+                chunk = _chunk_of((name, index, count, json.loads(content), samples, estimates))
+            except (ValueError, KeyError, TypeError) as error:
+                _log.error("session %r: samples %d to %d are damaged (%s)", name, index, index + count - 1, error)
+            else:
+                yield chunk
 
     def forget(self, up_to: int, but: Collection[str] = ()) -> None:
         """Remove chunks up to a number that are in the history now, except those of sessions in ``but``.
@@ -248,7 +322,23 @@ class Journal:
 
 def _session_row(session: SavedSession) -> tuple[str, dict[str, Any], bytes]:
     content = {"next_index": session.next_index, "counts": session.counts, "model": session.model}
+    content["checksum"] = session.checksum()
     return session.name, content, session.state
+
+
+def _readable(damaged: sqlite3.Connection, table: str) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of a table by number, without those that cannot be read."""
+    number = unreadable = 0
+    while unreadable < _UNREADABLE_ROWS:
+        try:
+            rows = damaged.execute(f"SELECT * FROM {table} WHERE id >= ? ORDER BY id", (number,))  # noqa: S608
+            for row in rows:
+                number, unreadable = max(number, row[0]) + 1, 0
+                yield row
+            return
+        except sqlite3.DatabaseError:
+            number += 1
+            unreadable += 1
 
 
 def _packed(rows: Iterable[Sequence[Any]]) -> tuple[str, bytes]:

@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 from cylinder_friction_live.connection import Peers
@@ -84,7 +83,7 @@ async def _keep_now(service: LiveService, sessions: Sequence[LiveSession]) -> No
     service.kept(saved)
 
 
-async def move_each_minute(service: LiveService, history: Path) -> None:
+async def move_each_minute(service: LiveService) -> None:
     """Move the journal into the history each minute, one session at a time, at low priority."""
     loop, behind = asyncio.get_running_loop(), ThreadPoolExecutor(1, "history", _lower_priority)
     joined = ""  # Day on which past days were joined
@@ -95,7 +94,7 @@ async def move_each_minute(service: LiveService, history: Path) -> None:
         last -= LEFT_S * len(names)
         for done, name in enumerate(names, 1):
             try:
-                await loop.run_in_executor(behind, write_session, service.journal, name, last, history)
+                await loop.run_in_executor(behind, write_session, service.journal, name, last)
                 service.not_in_history.pop(name, None)
             except Exception as error:  # other sessions continue after any error
                 _log.exception("session %s stays in the journal, not in the history", name)
@@ -109,7 +108,7 @@ async def move_each_minute(service: LiveService, history: Path) -> None:
         today = time.strftime("%F", time.gmtime())
         if today != joined:
             try:
-                await loop.run_in_executor(behind, join_past_days, history)
+                await loop.run_in_executor(behind, join_past_days, service.journal.history)
                 joined = today
             except OSError as error:
                 _log.error("past days of the history stay in parts: %s", error)

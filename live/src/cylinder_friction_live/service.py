@@ -17,7 +17,8 @@ from cylinder_friction.realtime.flags import UNKNOWN, unknown_in_words
 from cylinder_friction.signals.noise import times_as_noisy
 from cylinder_friction_live.engine import Engine
 from cylinder_friction_live.frames import LATEST_S, EstimateBlock, SampleBlock
-from cylinder_friction_live.journal import Journal, LastRow, PendingChunk, SavedSession
+from cylinder_friction_live.history import next_index_of
+from cylinder_friction_live.journal import DamagedSessionError, Journal, LastRow, PendingChunk, SavedSession
 from cylinder_friction_live.noise import ROWS_BETWEEN, NoiseWindow
 from cylinder_friction_live.session import Counts, SessionOrder
 from cylinder_friction_live.settings import LiveLimits, SessionRules
@@ -217,18 +218,24 @@ class LiveService:
             return self.sessions[name]
         if len(self.sessions) >= self.limits.sessions:
             raise LiveError(f"session {name!r}: {len(self.sessions)} sessions are open, all that are taken; try later")
-        order = SessionOrder(self.engine.sample_time_s, len(self.engine.inputs), self.rules)
-        saved = self.journal.session(name)
-        if saved is None and self.loop_lag_s > self.limits.loop_lag_s:
+        saved, begins_anew = self._saved(name)
+        if saved is None and not begins_anew and self.loop_lag_s > self.limits.loop_lag_s:
             raise BusyError(
                 f"session {name!r}: new sessions are refused while the service is {self.loop_lag_s:.2f} s late"
             )
         noise = NoiseWindow(self.engine.inputs, self._next_handle * 17 % ROWS_BETWEEN)
+        order = SessionOrder(self.engine.sample_time_s, len(self.engine.inputs), self.rules)
         order.last_seen_s = self._clock()
-        session = LiveSession(name, self._next_handle, self.engine, self.engine.add(), order, noise)
         if saved is not None:
-            self._restore(session, saved)
+            order.next_index, order.counts = saved.next_index, Counts(**saved.counts)
+            self._closed_outcomes.subtract(saved.counts)
+        slot = self.engine.add(None if saved is None or begins_anew else saved.state)
+        session = LiveSession(name, self._next_handle, self.engine, slot, order, noise)
         session.kept_index = session.next_index
+        if begins_anew:
+            session.begins_anew = begins_anew
+            order.counts.resets += 1
+            _log.warning("session %r begins anew at sample %d: %s", name, session.next_index, begins_anew)
         self.sessions[name] = self.by_handle[session.handle] = session
         self._next_handle += 1
         return session
@@ -373,18 +380,30 @@ class LiveService:
             self._holding.pop(session.handle, None)
         return [session.name for session in idle]
 
-    def _restore(self, session: LiveSession, saved: SavedSession) -> None:
-        """Restore a session from the journal, or begin it anew if another model wrote the journal."""
-        session.order.next_index, session.order.counts = saved.next_index, Counts.from_dict(saved.counts)
-        self._closed_outcomes.subtract(vars(session.order.counts))
-        if saved.model == self.engine.model:
-            self.engine.restore(session.slot, saved.state)
-            return
-        session.order.counts.resets += 1
-        session.begins_anew = (
-            f"the session was kept by model {saved.model[:12]}, and the service runs {self.engine.model[:12]}"
-        )
-        _log.warning("session %r begins anew at sample %d: %s", session.name, saved.next_index, session.begins_anew)
+    def _saved(self, name: str) -> tuple[SavedSession | None, str]:
+        """Read a session from the journal, and why it must begin anew; empty if it need not.
+
+        If its row is damaged or gone, it begins behind all samples that were kept: no file of the history is replaced.
+        """
+        why = ""
+        try:
+            saved = self.journal.session(name)
+        except DamagedSessionError as error:
+            saved, why = None, str(error)
+        if saved is None:
+            ends = self.journal.next_index(name), next_index_of(self.journal.history, name)
+            known = [each for each in ends if each is not None]
+            if not known:
+                return None, why
+            return SavedSession(name, max(known), {}, "", b""), why or "the journal no longer holds its state"
+        if saved.model != self.engine.model:
+            return (
+                saved,
+                f"the session was kept by model {saved.model[:12]}, and the service runs {self.engine.model[:12]}",
+            )
+        if len(saved.state) != self.engine.state_bytes:
+            return saved, f"its state has {len(saved.state)} bytes; this program expects {self.engine.state_bytes}"
+        return saved, ""
 
     def _step(self, pieces: Sequence[tuple[LiveSession, SampleBlock]]) -> None:
         if not pieces:

@@ -1,7 +1,7 @@
 """The order of one session's samples, decided by their indices and never by their arrival."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,11 +21,6 @@ class Counts:
     skipped: int = 0  # Missing in long gaps: not stepped, and the session began anew
     waited: int = 0  # Stepped after a wait for earlier samples, whether these came or not
     resets: int = 0  # Number of times that the session began anew
-
-    @classmethod
-    def from_dict(cls, content: dict[str, int]) -> "Counts":
-        """Read what ``vars`` wrote; unknown names are ignored, missing ones are 0."""
-        return cls(**{each.name: int(content.get(each.name, 0)) for each in fields(cls)})
 
 
 @dataclass

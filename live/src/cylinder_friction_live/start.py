@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cylinder_friction.files.whole_files import locked
-from cylinder_friction_live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
+from cylinder_friction_live.app import create_app
 from cylinder_friction_live.configuration import LiveParams, load_live_params
 from cylinder_friction_live.engine_building import engine_of
 from cylinder_friction_live.events import Events
@@ -37,7 +37,7 @@ FEW_COLLECTIONS = 200_000
 and found nothing."""
 SHORT_TURN_S = 5e-4
 """Longest turn of another thread, such as the journal's or a link's [s]; Python's 5 ms would be the 99th percentile."""
-JOURNAL_FILE, LOCK_FILE = "journal.db", ".lock"
+JOURNAL_FILE, ENGINES_FOLDER, LOCK_FILE = "journal.db", "engines", ".lock"
 
 
 def run(options: argparse.Namespace) -> int:
@@ -81,7 +81,7 @@ def _serve(service: LiveService, params: LiveParams, speed: float, recordings: d
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     links, access = links_of(params), params.access
     stribeck = None if params.stribeck is None else stribeck_lines(params.stribeck)
-    app = create_app(service, params.folder, links, access, params.host, Events(params.log), stribeck)
+    app = create_app(service, links, access, params.host, Events(params.log), stribeck)
     server = live_server(app, params.host, params.port, access, params.limits.message_bytes)
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup's handler stays
         signal.signal(signal.SIGHUP, server.handle_exit)
@@ -141,7 +141,7 @@ def _follow(
     print(
         f"live at http{address} (stop with Ctrl-C)\n  samples in, estimates out   ws{address}/stream\n"
         f"  metrics                     http{address}/metrics\n{more}  history                     "
-        f"{params.folder / HISTORY_FOLDER}",
+        f"{service.journal.history}",
         flush=True,
     )
     if recordings:

@@ -5,7 +5,6 @@ import json
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -28,12 +27,11 @@ class Watchers:
 
     Args:
         service: The service with the sessions.
-        history: Folder of the service's history.
         stribeck: Curves that the pages draw beside the estimates.
     """
 
-    def __init__(self, service: LiveService, history: Path, stribeck: Lines | None = None) -> None:
-        self._service, self._history = service, history
+    def __init__(self, service: LiveService, stribeck: Lines | None = None) -> None:
+        self._service = service
         flags = [{"name": flag.name, "meaning": flag.meaning, "advice": flag.advice} for flag in Flag]
         self._first = json.dumps({"stribeck": stribeck or {}, "flags": flags})
         self._pages: set[_Page] = set()
@@ -101,7 +99,7 @@ class Watchers:
         if missing > 0:  # of the history the journal holds only the last ten seconds
             inputs = self._service.engine.inputs
             with suppress(OSError, ValueError):  # files that are being joined, or are damaged
-                last = await asyncio.to_thread(last_rows, self._history, name, inputs, missing, before)
+                last = await asyncio.to_thread(last_rows, self._service.journal.history, name, inputs, missing, before)
         if page in looking:
             page.begin([*([last] if last else []), *self._service.recent(session, rows)])
 

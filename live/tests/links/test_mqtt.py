@@ -45,7 +45,7 @@ def all_estimates(client: Client) -> tuple[Array, Array]:
 
 @needs_broker
 def test_a_killed_broker_loses_nothing(
-    service: LiveService, newtons: Array, flags: Array, samples: Array, tmp_path: Path, broker: Mosquitto
+    service: LiveService, newtons: Array, flags: Array, samples: Array, broker: Mosquitto
 ) -> None:
     """The client sends again what is not acknowledged, and gets again what it has not read."""
 
@@ -60,16 +60,14 @@ def test_a_killed_broker_loses_nothing(
             return all_estimates(client)
 
     link = link_to(broker, prefix="plant/hall 3")
-    got = served([link], service, tmp_path, use)
+    got = served([link], service, use)
     np.testing.assert_array_equal(got[0], newtons)
     np.testing.assert_array_equal(got[1], flags)
     assert link.counts["connected"] == 2
 
 
 @needs_broker
-def test_a_cut_needs_no_second_opening(
-    service: LiveService, newtons: Array, samples: Array, tmp_path: Path, broker: Mosquitto
-) -> None:
+def test_a_cut_needs_no_second_opening(service: LiveService, newtons: Array, samples: Array, broker: Mosquitto) -> None:
     """The broker keeps what comes meanwhile: even a publisher that never sends again loses nothing."""
 
     def use() -> bytes:
@@ -92,7 +90,7 @@ def test_a_cut_needs_no_second_opening(
 
     with Relay(broker.port) as relay:
         link = MqttLink(MqttSettings(BrokerSettings(port=relay.port)))
-        assert served([link], service, tmp_path, use) == newtons[:1000].tobytes()
+        assert served([link], service, use) == newtons[:1000].tobytes()
     assert link.counts["connected"] == 2
     assert service.sessions["press"].order.counts.missing == 0
 
@@ -118,9 +116,7 @@ def test_a_kill_loses_nothing(newtons: Array, samples: Array, model: Path, tmp_p
 
 
 @needs_broker
-def test_no_message_ends_the_link(
-    service: LiveService, newtons: Array, samples: Array, tmp_path: Path, broker: Mosquitto
-) -> None:
+def test_no_message_ends_the_link(service: LiveService, newtons: Array, samples: Array, broker: Mosquitto) -> None:
     service.limits = replace(PATIENT, message_bytes=10_000, sessions=2)
     link = link_to(broker, prefix="plant")
 
@@ -148,14 +144,12 @@ def test_no_message_ends_the_link(
             client.publish("plant/a/in", pack_samples(SampleBlock(handle, 0, 10.0, samples[:50])), qos=1)
             assert newtons[:50].tobytes() in got.get(timeout=60.0)[1]
 
-    served([link], service, tmp_path, use)
+    served([link], service, use)
     assert link.counts == {"connected": 1, "not open": 2, "too large": 1, "too many clients": 1}
 
 
 @needs_broker
-def test_a_client_that_is_too_fast_opens_anew(
-    service: LiveService, samples: Array, tmp_path: Path, broker: Mosquitto
-) -> None:
+def test_a_client_that_is_too_fast_opens_anew(service: LiveService, samples: Array, broker: Mosquitto) -> None:
     """While the service takes no more, messages wait up to their limit; the one beyond ends the client's turn."""
     service.limits = replace(PATIENT, unkept_rows=100)
     link = link_to(broker, waiting_messages=5)
@@ -177,7 +171,7 @@ def test_a_client_that_is_too_fast_opens_anew(
                 reply = payload.decode() if payload.startswith(b"{") else ""
             return told, int(json.loads(reply)["opened"]["next_index"])
 
-    told, next_index = served([link], service, tmp_path, use)
+    told, next_index = served([link], service, use)
     assert "got more than 5 messages that wait; open the session again" in told[-1]
     assert link.counts["overflow"] == 1
     assert next_index == service.sessions["press"].next_index < 1000  # no later sample came before a refused one
@@ -185,9 +179,7 @@ def test_a_client_that_is_too_fast_opens_anew(
 
 
 @needs_broker
-def test_results_are_retained_json(
-    service: LiveService, newtons: Array, samples: Array, tmp_path: Path, broker: Mosquitto
-) -> None:
+def test_results_are_retained_json(service: LiveService, newtons: Array, samples: Array, broker: Mosquitto) -> None:
     def use() -> dict[str, Any]:
         with Client(f"mqtt://127.0.0.1:{broker.port}/cylinder-friction/c", "hall 3/press", 0.005) as client:
             client.send(samples[:300])
@@ -206,7 +198,7 @@ def test_results_are_retained_json(
         return dict(json.loads(payload))
 
     link = link_to(broker, results_hz=10.0)
-    result = served([link], service, tmp_path, use)
+    result = served([link], service, use)
     assert result["index"] == 299
     assert result["time_s"] == pytest.approx(time.time(), abs=60.0)
     assert [result[name] for name in ("friction_n", "lower_n", "upper_n")] == newtons[299].tolist()
@@ -230,9 +222,9 @@ def test_tls_and_password(service: LiveService, samples: Array, tmp_path: Path, 
                 client.send(samples[:50])
                 return len(client.estimates(10.0)[2])
 
-        assert served([MqttLink(MqttSettings(place))], service, tmp_path, use) == 50
+        assert served([MqttLink(MqttSettings(place))], service, use) == 50
         link = MqttLink(MqttSettings(replace(place, user=None, password_file=None)))
-        served([link], service, tmp_path, lambda: time.sleep(1.0))
+        served([link], service, lambda: time.sleep(1.0))
         assert link.counts["connected"] == 0
 
 
@@ -251,5 +243,5 @@ def test_a_broker_that_refuses_is_tried_again(service: LiveService, tmp_path: Pa
             while not link.counts["connected"] and time.monotonic() < deadline:
                 time.sleep(0.05)
 
-        served([link], service, tmp_path, use)
+        served([link], service, use)
     assert link.counts["connected"] == 1
