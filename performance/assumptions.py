@@ -43,6 +43,7 @@ ASSUMPTIONS = {
     "line loss within the stated 20 %": World(options={"line_loss_bar": 3.0}, line_stated=0.7),
     "pressures without delay": World(options={"pressure_lag_s": 0.02}),
     "position equally exact throughout": World(noisy_position=True),
+    "clock without jitter": World(options={"jitter": 1.0}),
 }
 
 
@@ -55,7 +56,8 @@ def rows_of(world: World, seed: int) -> Iterator[dict[str, float]]:
         logs = find_logs(f"{scratch}/logs/*.csv", mapping, cylinder, names=NAMES, load=load)
         run = LabelledLogs(logs, logged_files(logs), Path(scratch) / "kept", None)
         for each, _ in run.recordings(MOST_ROWS):
-            truth_n = made.own(each.name)[0].truth["friction_n"].to_numpy()[: len(each)]
+            truth = made.own(each.name)[0].truth
+            truth_n = np.interp(each.column("time_s"), truth["time_s"], truth["friction_n"])
             lower_n, upper_n, rows = each.column("lower_n"), each.column("upper_n"), each.usable()
             doubts = (
                 run.offsets[each.metadata.session].doubt,

@@ -110,3 +110,12 @@ def test_a_table_as_written_is_the_file_read_back(tmp_path: Path) -> None:
     write_logger_csv(tmp_path / "log.csv", table)
     read = read_logged_file(tmp_path / "log.csv")[0].channels
     pd.testing.assert_frame_equal(as_written(table), read, check_exact=True, check_column_type=False)
+
+
+def test_a_clock_with_jitter_states_when_it_took_each_sample() -> None:
+    moving = still().assign(position_m=lambda table: 0.02 * table["time_s"])
+    table = seen(replace(SILENT, bits=24, jitter_s=0.0025), moving)
+    late_s = table["Time [s]"].to_numpy() - 0.005 * np.arange(len(table))
+    assert 0.0024 < np.abs(late_s).max() <= 0.0025
+    off_mm = (table["Position [mm]"] - 20.0 * table["Time [s]"])[20:]
+    assert np.ptp(off_mm) < 1e-3, "the filter's delay alone"

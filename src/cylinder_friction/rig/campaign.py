@@ -131,6 +131,7 @@ def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:
     return replace(
         specimen.sensors,
         sample_time_s=plan.sample_time_s,
+        jitter_s=0.5 * plan.jitter * plan.sample_time_s,
         load_delay_s=plan.load_delay_s,
         pressure_lag_s=plan.pressure_lag_s,
         line_laminar_pa_s_m3=laminar_pa / flow_m3_s,

@@ -64,6 +64,8 @@ class CampaignPlan:
     # What a recording begins with: ``"work"``; ``"rest"`` of the piston after a stroke that nobody logged, or at an
     # ``"end_stop"`` that the stroke reached
     start: Literal["work", "rest", "end_stop"] = "work"
+    # Largest time by which the logger takes a sample too early or late, as a share of half its sample time
+    jitter: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
     @property
     def recordings(self) -> int:

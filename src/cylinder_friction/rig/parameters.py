@@ -120,6 +120,7 @@ class SensorParameters:
     """
 
     sample_time_s: float = 0.005  # Sample time of the logger [s]
+    jitter_s: float = 0.0  # By how much the logger takes a sample too early or late, as its stamps state [s]
     pressure_span_pa: float = 250e5  # Range of the transmitters [Pa]
     position_span_m: float = 0.25  # Range of the potentiometer [m]
     bits: int = 12  # Resolution of the converter, over each span

@@ -40,27 +40,34 @@ def measure(
     """
     log_step_s = float(trace["time_s"].iloc[1] - trace["time_s"].iloc[0])
     stride = whole_steps(sensors.sample_time_s, log_step_s, "sample_time_s", "the trace's step")
-    time_s = trace["time_s"].to_numpy()[::stride]
+    trace_s = trace["time_s"].to_numpy()
+    time_s = trace_s[::stride]
+    if sensors.jitter_s:
+        time_s = np.maximum(time_s + generator.uniform(-sensors.jitter_s, sensors.jitter_s, len(time_s)), time_s[0])
     columns: dict[str, Array] = {LOGGER_COLUMNS[0]: time_s}
+
+    def sampled(values: Array) -> Array:
+        return np.asarray(np.interp(time_s, trace_s, values))
+
     for side in (0, 1):
         true_pa = _transmitted(sensors, trace, side, log_step_s)
-        seen_pa = _anti_alias(true_pa, log_step_s, sensors.anti_alias_hz)[::stride] * sensors.pressure_gain[side]
+        seen_pa = sampled(_anti_alias(true_pa, log_step_s, sensors.anti_alias_hz)) * sensors.pressure_gain[side]
         seen_pa += sensors.pressure_offset_pa[side] + sensors.pressure_drift_pa_s[side] * (session_time_s + time_s)
         seen_pa += generator.normal(0.0, sensors.pressure_noise_pa, len(time_s))
         span_pa = sensors.pressure_span_pa
         columns[LOGGER_COLUMNS[1 + side]] = _converted(seen_pa, span_pa, sensors.bits, -UNDER_RANGE * span_pa) / BAR_PA
     position_m = _potentiometer(sensors, trace["position_m"].to_numpy())
-    seen_m = _anti_alias(position_m, log_step_s, sensors.anti_alias_hz)[::stride]
+    seen_m = sampled(_anti_alias(position_m, log_step_s, sensors.anti_alias_hz))
     seen_m += generator.normal(0.0, sensors.position_noise_m, len(time_s))
     span_m = sensors.position_span_m
     columns[LOGGER_COLUMNS[3]] = _converted(seen_m, span_m, sensors.bits, -UNDER_RANGE * span_m) / MM
-    late_c = _late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s)[::stride]
+    late_c = sampled(_late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s))
     seen_c = late_c + sensors.temperature_offset_c + generator.normal(0.0, sensors.temperature_noise_c, len(time_s))
     columns[LOGGER_COLUMNS[4]] = _converted(seen_c, sensors.temperature_span_c, sensors.bits, 0.0)
     if load_cell:
         rows = np.arange(len(trace)) - round(sensors.load_delay_s / log_step_s)
         true_n = trace["load_force_n"].to_numpy()[np.maximum(rows, 0)]
-        seen_n = _anti_alias(true_n, log_step_s, sensors.anti_alias_hz)[::stride] * sensors.load_gain
+        seen_n = sampled(_anti_alias(true_n, log_step_s, sensors.anti_alias_hz)) * sensors.load_gain
         seen_n += sensors.load_offset_n + generator.normal(0.0, sensors.load_noise_n, len(time_s))
         columns[LOAD_COLUMN] = _converted(seen_n, sensors.load_span_n, sensors.bits - 1, -sensors.load_span_n)
     return pd.DataFrame(columns)

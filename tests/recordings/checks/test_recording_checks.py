@@ -132,6 +132,16 @@ def test_samples_held_over_many_rows_are_refused_as_too_slow(rows: int, late: in
     assert not {each.check for each in coarse} & {"refresh", "mixed_rows"}
 
 
+@pytest.mark.parametrize("step_m", [1e-5, 5e-5])
+def test_an_encoder_without_noise_that_creeps_between_strokes_is_not_held(step_m: float) -> None:
+    """Its steps are as even as those of a held position while it creeps, but it changes in every row of a stroke."""
+    row = np.arange(4000)
+    speed_m_s = np.where(row % 60 < 40, 40.0 * step_m, 0.05) * np.where(row % 1200 < 600, 1.0, -1.0)
+    position_m = np.round((0.05 + 0.005 * np.cumsum(speed_m_s)) / step_m) * step_m
+    found = inspect(good(4000).assign(position_m=position_m))
+    assert not {each.check for each in found} & {"refresh", "position_steps"}
+
+
 def test_a_piston_that_rests_while_another_moves_is_noted() -> None:
     table = good().assign(position_m=0.12)
     with pytest.raises(RecordingError, match="position_m moves by 0 m only"):

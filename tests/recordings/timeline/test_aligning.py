@@ -146,7 +146,6 @@ def test_a_slow_channel_in_one_table_is_no_gap() -> None:
         EVEN_S + np.random.default_rng(3).uniform(0.0, 0.0005, ROWS),
         EVEN_S + np.random.default_rng(3).uniform(0.0, 0.002, ROWS),
         EVEN_S + 0.0015 * (np.arange(ROWS) == 77),
-        np.where(EVEN_S < 5.0, EVEN_S, 5.0 + 1.02 * (EVEN_S - 5.0)),
     ],
 )
 def test_uneven_stamps_come_to_an_even_grid(time_s: np.ndarray) -> None:
@@ -269,3 +268,24 @@ def test_the_rate_of_stamps_with_jitter_does_not_depend_on_what_was_lost(lost: f
     time_s = np.arange(12_000) * 0.005 + generator.normal(0.0, 5e-4, 12_000)
     time_s = time_s[generator.random(12_000) >= lost]
     assert {piece.sample_time_s for piece in align(one(time_s, sine(time_s)), TimeRules())} == {0.005}
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 123.4, 250.0, 1000.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_jitter_of_up_to_half_a_step_invents_no_sample(rate_hz: float, seed: int) -> None:
+    rows = round(10.0 * rate_hz)
+    time_s = (np.arange(rows) + np.random.default_rng(seed).uniform(-0.5, 0.5, rows)) / rate_hz
+    for stamps_s in (time_s, np.round(time_s, 3)):
+        (piece,) = align(one(stamps_s, sine(time_s)), TimeRules())
+        assert piece.sample_time_s == pytest.approx(1.0 / rate_hz, rel=1e-12)
+        assert not any("lost" in repair or "left out" in repair for repair in piece.metadata.repairs)
+    lost = rows // 2
+    (piece,) = align(one(np.delete(time_s, lost), sine(np.delete(time_s, lost))), TimeRules())
+    assert "1 lost sample interpolated" in " ".join(piece.metadata.repairs)
+
+
+def test_a_clock_that_changes_its_rate_has_that_of_the_whole_stretch() -> None:
+    time_s = np.where(EVEN_S < 5.0, EVEN_S, 5.0 + 1.02 * (EVEN_S - 5.0))
+    (piece,) = align(one(time_s, sine(time_s, 1.0)), TimeRules())
+    assert piece.sample_time_s == 1.0 / 198.0
+    assert np.abs(inner(piece)["a"] - sine(inner(piece)["time_s"].to_numpy(), 1.0)).max() < 2e-3

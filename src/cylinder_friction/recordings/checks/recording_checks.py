@@ -50,6 +50,7 @@ NOISY_S, NOISIER, FAINT, HELD = 0.5, 20.0, 1e-3, 0.6
 share of the stroke. Values are held if at most this share of its rows has a new one."""
 RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
 IN_TURN, MIXED, LEAST_MIXED = (1, 2, 3), 5.0, 0.02  # Rows (over 4, 50 Hz of the mains repeats); least ratio, share
+MOST_IN_A_ROW = 0.05  # Largest share of the changes of a held signal that come in the third row in turn
 FEWEST_HOLDS, EVEN_HOLDS, LATE_HOLD, LARGE_STEPS = 20, 0.75, 0.2, 0.1
 """Of a signal that is refreshed less often than logged: fewest refreshes, least share at the usual distance, largest
 deviation from it, and least share of larger steps, because slow motion passes the steps of a converter as evenly."""
@@ -173,8 +174,13 @@ def _of_refreshes(columns: Columns, rate_hz: float, least_hz: float) -> Iterator
 
 
 def refreshes(values: Array) -> NDArray[np.int64]:
-    """Find the rows at which a held signal changes; none if it is not held. A row may lie between two values."""
+    """Find the rows at which a held signal changes; none if it is not held. A row may lie between two values.
+
+    A sensor without noise also shows steps at even distances while it moves slowly, but changes in every row if fast.
+    """
     changes = np.diff(values) != 0.0
+    if (changes[:-2] & changes[1:-1] & changes[2:]).sum() > MOST_IN_A_ROW * changes.sum():
+        return np.empty(0, dtype=np.int64)
     at = np.flatnonzero(changes & ~np.append(False, changes[:-1])) + 1
     distances, steps = np.diff(at), np.abs(np.diff(values[at - 1]))
     if len(distances) < FEWEST_HOLDS or not steps.any():

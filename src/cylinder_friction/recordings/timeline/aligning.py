@@ -45,7 +45,7 @@ def align(
     - Damaged stamps are repaired (``order_stamps``, ``resolve_duplicates``) or refused.
     - Lost samples (in the stamps, or NaN in a column): up to ``longest_bridge_samples`` in a row are interpolated
       (shape-preserving cubic) and reported; more split the whole recording. The other samples stay unchanged.
-    - Columns with uneven stamps are interpolated (shape-preserving cubic) at the median rate, rounded to three digits.
+    - Columns with uneven stamps are interpolated (shape-preserving cubic) at the rate of all stamps, four digits of it.
     - Columns of other rates or phases are resampled with anti-aliasing (``windowed_sinc``). The grid has multiples of
       the sample time from the first stamp, over the time that all columns cover; nothing is extrapolated.
 

@@ -1,5 +1,6 @@
 """Find the timeline of each channel: its valid samples in order, each with a stamp and a number on a sample grid."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -29,7 +30,11 @@ LAG = 32  # Number of stamps for the first estimate of a coarse clock's rate, ov
 TOGETHER = 0.8
 """Least share of common rows of columns that were sampled together. Two raster rates of one table share at most half of
 their rows, or the slower one shares all of its rows."""
-SHORT_BLOCK = 32  # Samples over which a step is averaged if rounding hides single steps
+SHORT_BLOCK = 32
+"""Samples over which a step is averaged if rounding hides single steps, and which show whether one was lost."""
+STEADY = 0.2  # Largest uncertainty of two such blocks' duration, in steps, if single steps give the first estimate
+PASSES = 4  # Times that samples are numbered by the step that the numbers before showed
+SURE = 3.0  # Standard deviations by which the rate of a clock with jitter may miss a whole number of hertz
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,7 @@ def resolve_duplicates(
 
     - If at most 5 % of the rows repeat a stamp, or nearly all of these are copies of the row before (the same values),
       the first row of each stamp is kept.
+    - Rows of a clock with jitter may share a stamp because its last digit is rounded. They are spread over that digit.
     - Otherwise the clock is coarse (a tick of 10 or 15.6 ms, or one stamp for a block of samples). The samples are then
       spread evenly on a straight line through the first samples of the stamps, none of them before its stamp. If stamps
       are off that line by more than the usual time between two stamps, the rows are refused. Rounding hides fewer lost
@@ -122,6 +128,8 @@ def resolve_duplicates(
     # The values of a sensor at rest repeat without being copies, but then they also repeat from stamp to stamp.
     at_rest = float(same[~repeated][1:].mean()) if (~repeated).sum() > 1 else 0.0
     copies = at_rest < 0.5 and others <= OTHER_SHARE * repeated.sum()
+    if not copies and (spread_s := _spread_within_digit(stamps.time_s, repeated)) is not None:
+        return spread_s, keep, []
     if copies or repeated.sum() <= max(3.0, DAMAGED_SHARE * len(keep)):
         unlike = f", {others} of them with other values" if others else ""
         rows = counted(int(repeated.sum()), "row")
@@ -134,6 +142,17 @@ def resolve_duplicates(
         f"{1e3 * tick_s:.4g} ms), spread evenly at {rate_hz:.6g} Hz"
     )
     return spread_s, keep, [note]
+
+
+def _spread_within_digit(time_s: Array, repeated: Mask) -> Array | None:
+    """Spread equal stamps over their last digit if jitter explains them: steps of one digit are then more common."""
+    digit_s, steps_s = printed_resolution(time_s), np.diff(time_s)
+    one_digit = np.count_nonzero(np.abs(steps_s - digit_s) < 0.5 * digit_s)
+    if repeated.sum() > min(one_digit, DAMAGED_SHARE * len(time_s)) or np.median(steps_s) < 2.5 * digit_s:
+        return None
+    rows = np.arange(len(time_s))
+    turn = rows - np.maximum.accumulate(np.where(repeated, 0, rows))
+    return np.asarray(time_s + digit_s * turn / (1 + turn.max()))
 
 
 def _spread(stamps: OrderedStamps, rules: TimeRules) -> tuple[Array, float, float]:
@@ -204,7 +223,7 @@ class SampleGrid:
 
     time_s: Array  # Stamps in order, shape ``(n,)`` [s]
     segments: Indices  # Number of each stamp's segment, shape ``(n,)``; a segment ends when the clock restarts
-    step_s: float  # Time between two samples [s]; if they are uneven, the median time
+    step_s: float  # Time between two samples [s]; if they are uneven, that of whole stretches
     even: bool  # Whether the stamps are those of an even clock, apart from lost samples
     index: Indices  # Sample number of each stamp, shape ``(n,)``; meaningless across a gap or a restart
     gaps: Mask  # Whether too many samples are lost after a stamp, or the clock restarts, shape ``(n - 1,)``
@@ -316,10 +335,55 @@ def find_grid(time_s: Array, segments: Indices, rules: TimeRules) -> SampleGrid:
     for step_s in (usual_s, _averaged_step(time_s, restarts)):
         if step_s is not None and (grid := _even_grid(time_s, segments, step_s, rules)) is not None:
             return grid
+    return _uneven_grid(time_s, segments, usual_s, rules)
+
+
+def _uneven_grid(time_s: Array, segments: Indices, usual_s: float, rules: TimeRules) -> SampleGrid:
+    """Find the grid of a clock with jitter: its rate is that of whole stretches, from which single steps deviate."""
+    steps_s, restarts = np.diff(time_s), np.diff(segments) != 0
     # Only steps without a lost sample count; otherwise 2 % of lost samples would turn 200 Hz into 199 Hz.
     single = steps_s[~restarts & (np.rint(steps_s / usual_s) == 1.0)] if usual_s > 0.0 else steps_s[:0]
-    step_s = float(np.median(single)) if len(single) else usual_s
-    return SampleGrid(time_s, segments, step_s, False, *_numbered(steps_s, restarts, step_s, rules))
+    step_s = float(single.mean()) if len(single) else usual_s
+    if len(single) and 2 * SHORT_BLOCK * single.std() > STEADY * step_s * math.sqrt(len(single)):
+        # Single steps jitter too much: start as if no sample was lost between two gaps
+        step_s = float(steps_s[~restarts & (steps_s < (rules.longest_bridge_samples + 2) * usual_s)].mean())
+    for _ in range(PASSES):
+        index, gaps = _numbered_with_jitter(time_s, restarts, step_s, rules)
+        stretch = np.concatenate([[0], np.cumsum(gaps)])
+        number_off, stamp_off = (
+            each - (np.bincount(stretch, each) / np.bincount(stretch))[stretch] for each in (index, time_s)
+        )
+        spread = float((number_off**2).sum())
+        if spread == 0.0:
+            break
+        step_s = float((number_off * stamp_off).sum()) / spread
+        jitter_s = float(np.std(stamp_off - step_s * number_off))
+    else:
+        step_s = 1.0 / whole_hertz(1.0 / step_s, SURE * jitter_s / (step_s * math.sqrt(spread)))
+    return SampleGrid(time_s, segments, step_s, False, index, gaps)
+
+
+def _numbered_with_jitter(time_s: Array, restarts: Mask, step_s: float, rules: TimeRules) -> tuple[Indices, Mask]:
+    """Number samples like ``_numbered``, but count a lost sample only if all later stamps are late by it.
+
+    A late stamp lengthens one step and shortens the next. After a lost sample, even the earliest of the next stamps is
+    late. Near the ends of a stretch there are too few stamps to tell; there, a step may be one sample too long.
+    """
+    steps_s = np.diff(time_s)
+    samples = np.maximum(np.rint(steps_s / step_s), 1.0)
+    unclear = ~restarts & (samples > 1) & (samples <= rules.longest_bridge_samples + 2)
+    bounds = np.concatenate([[0], np.flatnonzero(restarts | (samples > 1) & ~unclear) + 1, [len(time_s)]])
+    for start, end in pairwise(bounds):
+        late_s = time_s[start:end] - step_s * np.arange(end - start)
+        for place in np.flatnonzero(unclear[start : end - 1]) + 1:
+            lost = samples[start + place - 1] - 2.0
+            if SHORT_BLOCK <= place <= end - start - SHORT_BLOCK:
+                earliest_s = (late_s[place - SHORT_BLOCK : place].min(), late_s[place : place + SHORT_BLOCK].min())
+                lost = np.rint((earliest_s[1] - earliest_s[0]) / step_s)
+            lost = max(float(lost), 0.0)
+            late_s[place:] -= lost * step_s
+            samples[start + place - 1] = lost + 1.0
+    return _numbered(samples * step_s, restarts, step_s, rules)
 
 
 def _averaged_step(time_s: Array, restarts: Mask) -> float | None:

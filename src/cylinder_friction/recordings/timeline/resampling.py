@@ -57,11 +57,9 @@ class UniformSegment:
 
 
 def own_rate(timeline: ChannelTimeline) -> float:
-    """Return a column's rate [Hz], whole within 1e-4; of uneven stamps the median, rounded to three digits."""
+    """Return a column's rate [Hz], whole within 1e-4; of uneven stamps rounded to four digits."""
     rate_hz = whole_hertz(1.0 / timeline.step_s)
-    if timeline.even:
-        return rate_hz
-    return float(round(rate_hz)) if rate_hz >= 100.0 else float(f"{rate_hz:.3g}")
+    return rate_hz if timeline.even else float(f"{rate_hz:.4g}")
 
 
 def uniform_segments(timeline: ChannelTimeline, segment: int, start_s: float) -> list[UniformSegment]:
