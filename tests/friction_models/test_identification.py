@@ -8,7 +8,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
-from cylinder_friction.friction_models.identification.search import Coordinates
+from cylinder_friction.friction_models.identification.search import Coordinates, search_locally
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.identification.steady_points import steady_points
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
@@ -196,3 +196,18 @@ def test_every_corner_of_the_search_is_physical_and_passive(cylinder: Cylinder) 
         parameters = coordinates.parameters(corner)
         assert isinstance(parameters, LugreParameters)
         assert parameters.is_passive()
+
+
+def test_a_local_search_ends_at_the_same_error_from_soft_and_from_stiff_bristles(cylinder: Cylinder) -> None:
+    truth = lugre_to_find(cylinder.moving_mass_kg)
+    recording = synthetic_recording(truth, 0)
+    velocity = with_dead_band(recording.column("velocity_m_s"), DEAD_BAND_M_S)
+    motion = Motion(velocity, np.zeros(len(velocity)), recording.column("friction_n"), recording.usable())
+    motions = Motions.of([motion], SAMPLE_TIME_S, LuGre())
+    coordinates = Coordinates.around(LuGre(), truth.curve, cylinder.moving_mass_kg, 0.5)
+    starts = [coordinates.start(truth.curve, factor * truth.bristle_stiffness_n_m) for factor in (0.1, 20.0)]
+    ends = [search_locally(motions, coordinates, start, 400) for start in starts]
+    errors_n = [motions.error_of(coordinates.values(end)) for end in ends]
+    assert errors_n[0] == pytest.approx(errors_n[1], rel=1e-3)
+    assert max(errors_n) < motions.error_of(truth.packed())
+    assert all(np.all((coordinates.lower <= end) & (end <= coordinates.upper)) for end in ends)

@@ -212,9 +212,8 @@ def scaled_effort(effort: float, seed: int = 0) -> SearchEffort:
         population=8,
         generations=max(1, round(40 * effort)),
         simulated_recordings=40,
-        first_look_evaluations=max(12, round(240 * effort)),
-        polish_evaluations=max(20, round(800 * effort)),
-        repolishes=2,
+        first_look_evaluations=max(12, round(120 * effort)),
+        polish_evaluations=max(20, round(400 * effort)),
         piece_s=5.0,
         polished_piece_s=15.0,
     )

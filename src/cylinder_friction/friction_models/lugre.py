@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numba
+import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
@@ -79,33 +80,6 @@ class LugreParameters(StribeckParameters):
         return self.damping_velocity_m_s <= self.passive_damping_velocity_m_s
 
 
-@numba.njit(cache=True)
-def lugre_step(
-    packed: Array, velocity: float, log_speed: float, pressure: float, sample_time: float, bristle: float
-) -> tuple[float, float]:
-    """Compute the new bristle deflection [m] and friction [N] after one sample; ``log_speed`` is ``ln |velocity|``.
-
-    The logarithm is an argument so that a search over parameters on one recording computes it once.
-    """
-    stiffness = packed[5]
-    if velocity == 0.0:
-        return bristle, stiffness * bristle
-    coulomb, static = packed[0], packed[1]
-    speed = abs(velocity)
-    falling = math.exp(-math.exp(packed[3] * (log_speed - math.log(packed[2]))))
-    dry = coulomb + (static - coulomb) * falling
-    # Below zero gauge pressure (a noisy sensor on an open port) the seal is not relieved further.
-    dry *= 1.0 + packed[9] * max(pressure, 0.0) / coulomb
-    if velocity < 0.0:
-        dry *= packed[8]
-    decay = stiffness * speed * sample_time / dry
-    after = bristle * math.exp(-decay) - math.expm1(-decay) * (velocity / speed) * (dry / stiffness)
-    rate = (after - bristle) / sample_time
-    damping = packed[6] * math.exp(-((velocity / packed[7]) ** 2))
-    return after, stiffness * after + damping * rate + packed[4] * velocity
-
-
-@numba.njit(cache=True)
 def _simulate(
     packed: Array,
     velocity: Array,
@@ -115,15 +89,31 @@ def _simulate(
     bristle: Array,
     friction: Array,
 ) -> None:
-    """Step through all rows. Keep ``lugre_step`` in this file: Numba's disk cache notices changes of one file only."""
+    """Step through all rows. NumPy computes what does not depend on the bristles: it is many times faster than a loop.
+
+    At a held velocity, the deflection moves by the share ``bent`` of its distance to the ``limit`` of steady sliding.
+    """
+    coulomb, static, stribeck_velocity, exponent, viscous, stiffness, damping, fading, ratio, slope = packed.tolist()
+    falling = np.exp(-np.exp(exponent * (log_speed - math.log(stribeck_velocity))))
+    dry = (coulomb + (static - coulomb) * falling) * np.where(velocity < 0.0, ratio, 1.0)
+    # Below zero gauge pressure (a noisy sensor on an open port) the seal is not relieved further.
+    dry *= 1.0 + slope / coulomb * np.maximum(pressure, 0.0)
+    limit = np.copysign(dry / stiffness, velocity)
+    bent = -np.expm1(-stiffness * sample_time * np.abs(velocity) / dry)
+    damping_per_step = damping / sample_time * np.exp(-((velocity / fading) ** 2))
+    _bend(limit, bent, damping_per_step, stiffness, bristle, friction)
+    friction += viscous * velocity
+
+
+@numba.njit(cache=True)
+def _bend(
+    limit: Array, bent: Array, damping_per_step: Array, stiffness: float, bristle: Array, friction: Array
+) -> None:
     deflection = bristle[0]
-    known = log_speed.shape[0] > 0
-    for row in range(velocity.shape[0]):
-        speed = abs(velocity[row])
-        logarithm = 0.0
-        if speed > 0.0:
-            logarithm = log_speed[row] if known else math.log(speed)
-        deflection, friction[row] = lugre_step(packed, velocity[row], logarithm, pressure[row], sample_time, deflection)
+    for row in range(limit.shape[0]):
+        change = bent[row] * (limit[row] - deflection)
+        deflection += change
+        friction[row] = stiffness * deflection + damping_per_step[row] * change
     bristle[0] = deflection
 
 

@@ -11,7 +11,8 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 Kernel = Callable[[Array, Array, Array, Array, float, Array, Array], None]
 
-_NO_LOGARITHMS = np.zeros(0)
+_BLOCK_ROWS = 8192
+"""Rows that a kernel gets at once. Its dozen arrays of intermediate results then stay in the processor's cache."""
 
 _PRESLIDING_S = 0.02
 """Duration of presliding in quick motion [s]; converts a stiffness to a speed for a model without state."""
@@ -30,9 +31,9 @@ class FrictionModel:
         title: Name for people.
         parameter_class: Class of its parameters.
         start: State before the first sample.
-        kernel: Compiled loop ``(values, velocity, log_speed, pressure, sample_time_s, state, friction)``, which changes
-            ``state`` and fills ``friction``. ``log_speed`` is ``ln |velocity|``, which a search over parameters
-            computes once; if its length is zero, the loop computes the logarithm.
+        kernel: Function ``(values, velocity, log_speed, pressure, sample_time_s, state, friction)``, which changes
+            ``state`` and fills ``friction``. ``log_speed`` is from ``log_speed_of``; a search over parameters computes
+            it once.
         multiply_adds: Operations of one step; an exponential, a logarithm or a power counts as 16.
     """
 
@@ -102,8 +103,23 @@ class FrictionModel:
                 f"pressure_pa has shape {pressure.shape}, but velocity_m_s has {velocity.shape}; expected one"
             )
         friction = np.empty_like(velocity)
-        self.kernel(values, velocity, _NO_LOGARITHMS, pressure, sample_time_s, state, friction)
+        self.step_through(values, velocity, log_speed_of(velocity), pressure, sample_time_s, state, friction)
         return friction
+
+    def step_through(
+        self,
+        values: Array,
+        velocity: Array,
+        log_speed: Array,
+        pressure: Array,
+        sample_time_s: float,
+        state: Array,
+        friction: Array,
+    ) -> None:
+        """Run the kernel on blocks of rows; the arguments are the kernel's."""
+        for start in range(0, len(velocity), _BLOCK_ROWS):
+            rows = slice(start, start + _BLOCK_ROWS)
+            self.kernel(values, velocity[rows], log_speed[rows], pressure[rows], sample_time_s, state, friction[rows])
 
     def first_guess(
         self, curve: StribeckCurve, stiffness_n_m: float, reference_pressure_pa: float = 0.0
@@ -123,3 +139,8 @@ class FrictionModel:
             "pressure_slope_n_pa": slope,
         }
         return self.parameter_class(**{spec.name: measured.get(spec.name, spec.first) for spec in self.specs})
+
+
+def log_speed_of(velocity_m_s: Array) -> Array:
+    """Compute ``ln |velocity|``, and 0 at standstill, where no model needs it."""
+    return np.asarray(np.log(np.abs(velocity_m_s), out=np.zeros_like(velocity_m_s), where=velocity_m_s != 0.0))

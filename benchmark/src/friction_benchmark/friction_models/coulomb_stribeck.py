@@ -38,7 +38,6 @@ def _simulate(
 ) -> None:
     coulomb, static, viscous = packed[0], packed[1], packed[4]
     slowest, share = packed[5], packed[6]
-    known = log_speed.shape[0] > 0
     direction = state[0]
     for row in range(velocity.shape[0]):
         v = velocity[row]
@@ -46,8 +45,7 @@ def _simulate(
         dry, risen = static, share
         if speed > 0.0:
             direction = 1.0 if v > 0.0 else -1.0
-            logarithm = log_speed[row] if known else math.log(speed)
-            dry = coulomb + (static - coulomb) * falling_part(logarithm, packed[2], packed[3])
+            dry = coulomb + (static - coulomb) * falling_part(log_speed[row], packed[2], packed[3])
             risen = share + (1.0 - share) * math.tanh(speed / slowest)
         dry *= side_factor(direction, packed[7], coulomb, packed[8], pressure[row])
         friction[row] = direction * dry * risen + viscous * v

@@ -69,7 +69,6 @@ def _simulate(
         steps = sample_time / packed[9 + regime]
         kept[regime] = math.exp(-steps)
         mean[regime] = -math.expm1(-steps) / steps
-    known = log_speed.shape[0] > 0
     bristle, film, last = state[0], state[1], state[2]
     for row in range(velocity.shape[0]):
         v = velocity[row]
@@ -81,13 +80,12 @@ def _simulate(
             film *= kept[2]
             friction[row] = stiffness * bristle + viscous_part
             continue
-        logarithm = log_speed[row] if known else math.log(speed)
-        steady = full_film * math.exp(min(logarithm - log_film_velocity, 0.0) * (2.0 / 3.0))
+        steady = full_film * math.exp(min(log_speed[row] - log_film_velocity, 0.0) * (2.0 / 3.0))
         regime = 0 if film <= steady else 1
         offset = film - steady
         film_mean = steady + offset * mean[regime]
         film = steady + offset * kept[regime]
-        falling = falling_part(logarithm, packed[2], packed[3])
+        falling = falling_part(log_speed[row], packed[2], packed[3])
         dry = coulomb + ((1.0 - film_mean) * static - coulomb) * falling
         dry *= side_factor(v, packed[13], coulomb, packed[14], pressure[row])
         decay = stiffness * speed * sample_time / dry

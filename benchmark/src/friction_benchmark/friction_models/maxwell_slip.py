@@ -66,7 +66,6 @@ def _simulate(
     coulomb, static, viscous, attraction = packed[0], packed[1], packed[4], packed[8]
     count = (state.shape[0] - 1) // 2
     stiffness, share = _elements(packed, count)
-    known = log_speed.shape[0] > 0
     for row in range(velocity.shape[0]):
         v = velocity[row]
         if v == 0.0:
@@ -77,8 +76,7 @@ def _simulate(
             if direction != state[2 * count]:
                 state[count : 2 * count] = 0.0
                 state[2 * count] = direction
-            logarithm = log_speed[row] if known else math.log(speed)
-            strength = coulomb + (static - coulomb) * falling_part(logarithm, packed[2], packed[3])
+            strength = coulomb + (static - coulomb) * falling_part(log_speed[row], packed[2], packed[3])
             strength *= side_factor(direction, packed[9], coulomb, packed[10], pressure[row])
             kept = math.exp(-attraction * sample_time / strength)
             for element in range(count):

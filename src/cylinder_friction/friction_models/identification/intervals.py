@@ -39,7 +39,7 @@ def confidence_intervals(
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
     """
     usable = motions.usable
-    residual = (motions.friction_n - motions.simulated(parameters))[usable]
+    residual = (motions.friction_n - motions.simulated(parameters.packed()))[usable]
     sensitivity = np.column_stack([_sensitivity(motions, parameters, name)[usable] for name in names])
     scores = sensitivity * np.sign(residual)[:, None]
     totals = _block_sums(motions, scores)
@@ -76,7 +76,7 @@ def _sensitivity(motions: Motions, parameters: ModelParameters, name: str) -> Ar
     above = _changed(parameters, name, up)
     below = _changed(parameters, name, down)
     width = math.log(getattr(above, name) / getattr(below, name))
-    return np.asarray((motions.simulated(above) - motions.simulated(below)) / width)
+    return (motions.simulated(above.packed()) - motions.simulated(below.packed())) / width
 
 
 def _changed(parameters: ModelParameters, name: str, value: float) -> ModelParameters:

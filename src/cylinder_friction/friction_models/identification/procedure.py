@@ -25,7 +25,7 @@ decides which minimum is lower."""
 
 _GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 
-ALIKE_EVALUATIONS = 400
+ALIKE_EVALUATIONS = 100
 SEARCH_STEP_S = 0.005
 """Step of the simulations that a search makes of recordings with a shorter sample time [s]. The velocities that drive
 the model are slopes over several times as long."""
@@ -42,13 +42,12 @@ class SearchEffort:
     generations: int  # Greatest number of generations
     # Number of recordings, evenly spaced, that the first local searches and differential evolution simulate
     simulated_recordings: int
-    first_look_evaluations: int = 150  # Simulations of each first local search, per candidate velocity and start
-    polish_evaluations: int = 600  # Simulations of each Nelder-Mead search at the end
-    repolishes: int = 0  # Number of further searches from the best result, with a fresh simplex
+    first_look_evaluations: int = 80  # Simulations of each first local search, per candidate velocity and start
+    polish_evaluations: int = 400  # Most simulations of each local search at the end
     # Duration of the piece of each recording that the first local searches and differential evolution simulate [s]; 0
     # means the whole recording. Pieces start at a different place in each recording
     piece_s: float = 0.0
-    polished_piece_s: float = 0.0  # Piece that the final Nelder-Mead search simulates [s]; 0: whole recording
+    polished_piece_s: float = 0.0  # Piece that the local searches at the end simulate [s]; 0: whole recording
 
 
 @dataclass(frozen=True)
@@ -168,10 +167,7 @@ def _search(
         )
     shown = tqdm((*looks, found), f"refine {words}", unit="search", disable=None)
     ends = [search_locally(polished, coordinates, each, effort.polish_evaluations) for each in shown]
-    best = min(ends, key=lambda point: polished.error_of(coordinates.values(point)))
-    for _ in range(effort.repolishes):
-        best = search_locally(polished, coordinates, best, effort.polish_evaluations)
-    return best, history
+    return min(ends, key=lambda point: polished.error_of(coordinates.values(point))), history
 
 
 def _motion(
@@ -188,7 +184,7 @@ def _motion(
 
 
 def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> list[Motion]:
-    """Cut one piece from each motion, at places spread evenly by steps of the golden ratio."""
+    """Cut one piece from each motion, at places spread evenly by steps of the golden ratio, and join the pieces."""
     length, lead = round(piece_s / sample_time_s), round(PIECE_LEAD_S / sample_time_s)
     if length == 0:
         return list(motions)
@@ -199,7 +195,8 @@ def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> 
         usable = motion.usable[rows].copy()
         usable[:lead] = False
         pieces.append(Motion(motion.velocity_m_s[rows], motion.pressure_pa[rows], motion.friction_n[rows], usable))
-    return pieces
+    joined = zip(*(vars(piece).values() for piece in pieces), strict=True)
+    return [Motion(*map(np.concatenate, joined))]
 
 
 def _spread(recordings: Sequence[Recording], count: int) -> list[Recording]:

@@ -1,7 +1,7 @@
 """Simulation of a friction model along labelled motions, for a search over its parameters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
 
@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.friction_models.model import FrictionModel
-from cylinder_friction.friction_models.parameters import ModelParameters
+from cylinder_friction.friction_models.model import FrictionModel, log_speed_of
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,6 @@ class Motions:
     usable: Mask  # Rows whose label counts, shape ``(rows,)``
     starts: NDArray[np.int64]  # First row of each motion, then the number of rows, shape ``(motions + 1,)``
     model: FrictionModel  # The model that is simulated
-    _buffer: Array = field(repr=False)
 
     @classmethod
     def of(cls, motions: Sequence[Motion], sample_time_s: float, model: FrictionModel) -> Self:
@@ -51,13 +49,12 @@ class Motions:
         return cls(
             sample_time_s=sample_time_s,
             velocity_m_s=velocity,
-            log_speed=np.log(np.abs(velocity), out=np.zeros_like(velocity), where=velocity != 0.0),
+            log_speed=log_speed_of(velocity),
             pressure_pa=np.concatenate([motion.pressure_pa for motion in motions]),
             friction_n=np.concatenate([motion.friction_n for motion in motions]),
             usable=np.concatenate([motion.usable for motion in motions]),
             starts=np.cumsum([0, *(len(motion.velocity_m_s) for motion in motions)]).astype(np.int64),
             model=model,
-            _buffer=np.empty_like(velocity),
         )
 
     @property
@@ -75,33 +72,26 @@ class Motions:
 
         ``values`` are the model's numbers in the order of its specs.
         """
-        kernel = self.model.kernel
+        return self.difference_of(self.simulated(values))
+
+    def difference_of(self, friction_n: Array) -> float:
+        """Compute the mean absolute difference between this friction and the label over usable rows [N]."""
+        return float(_mean_absolute_difference(friction_n, self.friction_n, self.usable))
+
+    def simulated(self, values: Array) -> Array:
+        """Compute the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
+        friction_n = np.empty_like(self.velocity_m_s)
         for start, end in pairwise(self.starts):
-            kernel(
+            self.model.step_through(
                 values,
                 self.velocity_m_s[start:end],
                 self.log_speed[start:end],
                 self.pressure_pa[start:end],
                 self.sample_time_s,
                 self.model.new_state(),
-                self._buffer[start:end],
+                friction_n[start:end],
             )
-        return float(_mean_absolute_difference(self._buffer, self.friction_n, self.usable))
-
-    def simulated(self, parameters: ModelParameters) -> Array:
-        """Compute the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
-        values = parameters.packed()
-        pieces = [
-            self.model.simulate(
-                values,
-                self.velocity_m_s[start:end],
-                self.sample_time_s,
-                self.model.new_state(),
-                self.pressure_pa[start:end],
-            )
-            for start, end in pairwise(self.starts)
-        ]
-        return np.concatenate(pieces)
+        return friction_n
 
 
 @numba.njit(cache=True)
