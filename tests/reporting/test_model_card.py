@@ -27,9 +27,9 @@ NUMBERS = {
     "label_percent": 1.1,
 }
 HELD = [
-    {"reference": "truth", "condition": "1", "held_percent": 96.75},
-    {"reference": "truth", "condition": "all", "held_percent": 94.63},
-    {"reference": "label", "condition": "1", "held_percent": 98.6},
+    {"reference": "truth", "by": "condition", "group": "1", "held_percent": 96.75},
+    {"reference": "truth", "by": "condition", "group": "all", "held_percent": 94.63},
+    {"reference": "label", "by": "condition", "group": "1", "held_percent": 98.6},
 ]
 
 

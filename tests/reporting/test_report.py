@@ -40,7 +40,12 @@ FINALS = [
 ]
 NOTHING = ReportInputs({}, {}, {}, [], {}, None, [], [], "", [])
 HOLD = "they hold friction, as made up here"
-HELD = Coverage("truth", "1", 4000, 90.25, 86.5, "s-t1_2", 81.75, 42.5)
+HELD = [
+    Coverage("truth", "condition", "1", 4000, 90.25, 42.5),
+    Coverage("truth", "session", "s-t1_2", 2000, 81.75, 44.25),
+    Coverage("truth", "speed", "up to 12 mm/s", 1000, 86.5, 40.0),
+    Coverage("label", "session", "s-l1_9", 2000, 92.25, 44.25),
+]
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +61,7 @@ def page(analysis):
     return report_html(
         analysis,
         ReportInputs(
-            times, {"layers": [1, 2]}, {"layers": 1}, FINALS, {"layers": 1}, AUDIT, [SESSION], [STARTS], HOLD, [HELD]
+            times, {"layers": [1, 2]}, {"layers": 1}, FINALS, {"layers": 1}, AUDIT, [SESSION], [STARTS], HOLD, HELD
         ),
     )
 
@@ -94,12 +99,14 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
 
 def test_bounds_offsets_and_audit_are_there_where_they_are_known(page, bare, bare_page):
     for title, numbers in {
-        "Worst session": ("90.2", "86.5", "81.8", "s-t1_2", "42.5"),
+        "the worst first": ("90.2", "42.5", "session s-t1_2", "81.8", "speed up to 12 mm/s", "86.5"),
         "Sensor offsets": ("20 / 30", "7.2", "Cold [% of mean |true friction|]", "1.25"),
         "Label audit": ("6.50", "9.00", "77.25"),
     }.items():
         assert [words for words in (title, *numbers) if words not in page] == []
         assert title not in bare_page
+    assert page.index("session s-t1_2") < page.index("speed up to 12 mm/s")
+    assert "s-l1_9" not in page, "of the label, if truth is known"
     assert page.index("5.50 to 5.60") < page.index("6.00 to 6.50"), "the search's choice comes first"
     assert "errors_by_condition_truth" not in all_figures(bare)
     assert "True friction is not known for these recordings." in bare_page

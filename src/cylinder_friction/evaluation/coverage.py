@@ -1,41 +1,37 @@
-"""How often an estimator's bounds hold the label and true friction, by condition and in the worst session."""
+"""How often an estimator's bounds hold the label and true friction: by condition, session, and kind of motion."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+import pandas as pd
 
-from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.realtime.stream import CompiledRun
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import near_events
 
+By = Literal["condition", "session", "speed", "acceleration", "motion"]
+CLASSES = 3
+"""Classes of speed and of acceleration, with as many rows in each."""
+NEAR = "near starts, stops and reversals"
+
 
 @dataclass(frozen=True)
 class Coverage:
-    """Shares of usable rows within the bounds [%], of one reference in one condition."""
+    """Share of usable rows within the bounds, of one reference in one group of rows."""
 
     reference: str  # ``label`` or ``truth``
-    condition: str  # Name of the operating condition, or ``all``
+    by: By  # What the group is of
+    group: str  # The condition, or ``all``; the session; or the range of speeds or accelerations
     rows: int
-    held_percent: float  # Share of all rows
-    held_near_events_percent: float | None  # Share of rows near starts, stops and reversals; None without any
-    worst_session: str  # The session whose rows are held least often
-    worst_session_percent: float
+    held_percent: float  # Share of these rows [%]
     mean_width_n: float  # Upper less lower bound, mean over the rows [N]
-
-
-@dataclass(frozen=True, eq=False)
-class _CoverageRows:
-    condition: str
-    session: str
-    held: Mask
-    near: Mask
-    width_n: Array
 
 
 def coverage(
@@ -48,59 +44,69 @@ def coverage(
 
     Args:
         estimator: Fitted and calibrated estimator.
-        recordings: Held-out recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
+        recordings: Held-out recordings with ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` and ``usable``.
         truth_n: True friction [N] by recording name, as far as it is known.
         event_window_s: Rows within this time of a start, stop or reversal count as near it [s].
     """
     if estimator.bounds is None:
         return []
-    step = estimator.step_model().for_recordings()
-    rows: dict[str, list[_CoverageRows]] = {"label": [], "truth": []}
-    for recording in recordings:
-        stepped, _ = CompiledRun(step).run(recording.samples(estimator.inputs))
-        lower_n, upper_n = estimator.aligned(stepped)[:, 1:].T
-        usable = recording.usable()
-        if not usable.any():
-            continue
-        near = near_events(recording.column("velocity_m_s"), round(event_window_s / recording.sample_time_s))
-        known = {"label": recording.column("friction_n"), "truth": truth_n.get(recording.name)}
-        for reference, values_n in known.items():
-            if values_n is not None:
-                held = (values_n >= lower_n) & (values_n <= upper_n)
-                where = (recording.metadata.condition, recording.metadata.session)
-                rows[reference].append(_CoverageRows(*where, held[usable], near[usable], (upper_n - lower_n)[usable]))
-    conditions = sorted({recording.metadata.condition for recording in recordings})
+    rows = pd.concat([_rows(estimator, each, truth_n, event_window_s) for each in recordings])
+    rows["speed"] = _classes(rows["speed"], 1e3, "mm/s")
+    rows["acceleration"] = _classes(rows["acceleration"], 1.0, "m/s²")
     return [
-        _coverage(reference, condition, chosen)
-        for reference, found in rows.items()
-        for condition in (*conditions, ALL_CONDITIONS)
-        if (chosen := [each for each in found if condition == ALL_CONDITIONS or each.condition == condition])
+        each
+        for reference in ("label", "truth")
+        if not (known := rows[rows[reference].notna()]).empty
+        for each in _of_reference(reference, known)
     ]
 
 
-def coverage_metrics(found: Sequence[Coverage], reference: str) -> dict[str, float]:
-    """List how often the bounds hold one reference [%], by condition and in all, as metrics of a run."""
-    return {
-        f"held_by_bounds_percent/condition_{each.condition}": each.held_percent
-        for each in found
-        if each.reference == reference
+def _rows(
+    estimator: FrictionEstimator, recording: Recording, truth_n: Mapping[str, Array], event_window_s: float
+) -> pd.DataFrame:
+    """Tabulate the usable rows of a recording: where they belong, and whether the bounds hold each reference."""
+    stepped, _ = CompiledRun(estimator.step_model().for_recordings()).run(recording.samples(estimator.inputs))
+    lower_n, upper_n = estimator.aligned(stepped)[:, 1:].T
+    velocity_m_s = recording.column("velocity_m_s")
+    near = near_events(velocity_m_s, round(event_window_s / recording.sample_time_s))
+
+    def held(values_n: Array) -> Array:
+        return np.where((values_n >= lower_n) & (values_n <= upper_n), 100.0, 0.0)
+
+    unknown = np.full(len(recording), np.nan)
+    columns = {
+        "condition": recording.metadata.condition,
+        "session": recording.metadata.session,
+        "speed": np.abs(velocity_m_s),
+        "acceleration": np.abs(recording.column("acceleration_m_s2")),
+        "motion": np.where(near, NEAR, "elsewhere"),
+        "label": held(recording.column("friction_n")),
+        "truth": held(truth_n[recording.name]) if recording.name in truth_n else unknown,
+        "width_n": upper_n - lower_n,
     }
+    return pd.DataFrame(columns)[recording.usable()]
 
 
-def _coverage(reference: str, condition: str, rows: Sequence[_CoverageRows]) -> Coverage:
-    held, near = (np.concatenate([getattr(each, name) for each in rows]) for name in ("held", "near"))
-    sessions: dict[str, list[Mask]] = {}
-    for each in rows:
-        sessions.setdefault(each.session, []).append(each.held)
-    by_session = {session: 100.0 * float(np.concatenate(parts).mean()) for session, parts in sessions.items()}
-    worst = min(by_session, key=lambda session: (by_session[session], session))
-    return Coverage(
-        reference=reference,
-        condition=condition,
-        rows=len(held),
-        held_percent=100.0 * float(held.mean()),
-        held_near_events_percent=100.0 * float(held[near].mean()) if near.any() else None,
-        worst_session=worst,
-        worst_session_percent=by_session[worst],
-        mean_width_n=float(np.concatenate([each.width_n for each in rows]).mean()),
-    )
+def _classes(values: pd.Series, scale: float, unit: str) -> pd.Series:
+    """Name each value's class: classes with as many rows in each, from the smallest values up."""
+    edges = np.unique([float(f"{scale * each:.2g}") for each in values.quantile(np.arange(1, CLASSES) / CLASSES)])
+    names = [f"up to {edge:g} {unit}" for edge in edges]
+    place = np.searchsorted(edges, scale * values)
+    return pd.Series(np.array([*names, f"above {edges[-1]:g} {unit}"])[place], values.index)
+
+
+def _of_reference(reference: str, rows: pd.DataFrame) -> Iterator[Coverage]:
+    for by in ("condition", "session", "speed", "acceleration", "motion"):
+        for group, own in rows.groupby(by):
+            yield _coverage(reference, by, str(group), own)
+        if by == "condition":
+            yield _coverage(reference, by, ALL_CONDITIONS, rows)
+
+
+def _coverage(reference: str, by: By, group: str, rows: pd.DataFrame) -> Coverage:
+    return Coverage(reference, by, group, len(rows), float(rows[reference].mean()), float(rows["width_n"].mean()))
+
+
+def by_condition(found: Sequence[Coverage], reference: str) -> dict[str, float]:
+    """List how often the bounds hold one reference [%], by condition and in all."""
+    return {each.group: each.held_percent for each in found if (each.reference, each.by) == (reference, "condition")}

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.evaluation.coverage import Coverage, by_condition
 from cylinder_friction.evaluation.reported import reported_errors
-
-if TYPE_CHECKING:
-    from cylinder_friction.evaluation.coverage import Coverage
 
 HEADLINERS = {"paper_hybrid": "paper", "ridge": "ridge", "force_balance_low_pass": "low_pass", "lugre": "lugre"}
 """Estimators with errors in ``metrics.json`` beside the main one, and their names there, which are short because DVC
@@ -27,13 +24,14 @@ def headline(
     """
     reference, errors = reported_errors(tree[main])
     shown = {main: main} | {name: short for name, short in HEADLINERS.items() if name in tree and name != main}
-    own = [each for each in held if each.reference == reference]
+    own = by_condition(held, reference)
+    sessions = [each.held_percent for each in held if (each.reference, each.by) == (reference, "session")]
     content = {
         **{short: float(np.mean(list(reported_errors(tree[name])[1].values()))) for name, short in shown.items()},
         f"{main}_worst": max(errors.values()),
         f"{main}_label": float(np.mean([each["label_percent"] for each in tree[main].values()])),
-        "bounds": float(np.mean([each.held_percent for each in own])) if own else math.nan,
-        "bounds_worst": min((each.worst_session_percent for each in own), default=math.nan),
+        "bounds": float(np.mean(list(own.values()))) if own else math.nan,
+        "bounds_worst": min(sessions, default=math.nan),
     }
     known = {name: round(value, 3) for name, value in content.items() if math.isfinite(value)}
     return {"against": reference, **known}

@@ -64,16 +64,25 @@ def row_notes(comparison: Comparison) -> dict[str, str]:
 
 
 def coverage_table(found: Sequence[Coverage]) -> Table:
-    """Tabulate how often the bounds hold the label and true friction, by condition and in the worst session."""
+    """Tabulate how often the bounds hold the label and true friction, by condition."""
+    return _coverage_table("Condition", [each for each in found if each.by == "condition"])
+
+
+def coverage_by_rows(found: Sequence[Coverage]) -> Table:
+    """Tabulate the same by session and by kind of motion, the worst first; of true friction, if it is known."""
+    known = "truth" if any(each.reference == "truth" for each in found) else "label"
+    own = [each for each in found if each.reference == known and each.by != "condition"]
+    return _coverage_table("Rows of", sorted(own, key=lambda each: (each.held_percent, each.group)))
+
+
+def _coverage_table(title: str, found: Sequence[Coverage]) -> Table:
     return Table.of(
         found,
         {
             "Held": lambda each: REFERENCES[each.reference],
-            "Condition": lambda each: each.condition,
+            title: lambda each: each.group if each.by in ("condition", "motion") else f"{each.by} {each.group}",
             "Rows": lambda each: f"{each.rows:,}",
             "Share [% of rows]": lambda each: f"{each.held_percent:.1f}",
-            "Near events [% of rows]": lambda each: _known(each.held_near_events_percent, ".1f"),
-            "Worst session [% of rows]": lambda each: Cell(f"{each.worst_session_percent:.1f}", each.worst_session),
             "Mean width [N]": lambda each: f"{each.mean_width_n:.1f}",
         },
     )

@@ -40,7 +40,8 @@ def model_card(
     ``conditions`` and ``held`` are from ``reports/metrics.json`` and ``reports/coverage.json``.
     """
     reference, errors = reported_errors(conditions)
-    shares = {each["condition"]: each["held_percent"] for each in held if each["reference"] == reference}
+    own = [each for each in held if (each["reference"], each["by"]) == (reference, "condition")]
+    shares = {each["group"]: each["held_percent"] for each in own}
     bounds = from_json(Bounds, description.get("bounds"))
     corrections = {column: ChannelCorrection(**own) for column, own in description.get("corrections", {}).items()}
     line_loss = {column: LineLoss(**own) for column, own in description.get("line_loss", {}).items()}

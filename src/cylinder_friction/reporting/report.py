@@ -85,6 +85,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         else None,
         starts=tables.start_table(inputs.starts) if inputs.starts else None,
         coverage=tables.coverage_table(inputs.held),
+        coverage_by_rows=tables.coverage_by_rows(inputs.held),
         bounds=inputs.bounds,
         differences=tables.difference_table(comparison, main),
         over_time={part.condition: (part.recording, _over_time(part)) for part in analysis.excerpts},

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
@@ -13,7 +14,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
-from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
+from cylinder_friction.evaluation.coverage import Coverage, by_condition, coverage
 from cylinder_friction.evaluation.headline import headline
 from cylinder_friction.evaluation.known_notes import notes_of
 from cylinder_friction.evaluation.metric_tree import MetricTree, metric_rows, metric_tree
@@ -53,10 +54,13 @@ from cylinder_friction.stages._stage import (
     estimator_folders,
     flat,
 )
+from cylinder_friction.wording import counted
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
 
+ENOUGH_SESSIONS = 9
+"""Calibration sessions from which bounds are hardly wider than from many: Student's t is then 1.13 times the normal."""
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
 STARTS_FILE = REPORTS_FOLDER / "starts.json"
 TABLE_FILE = REPORTS_FOLDER / "table.md"
@@ -103,7 +107,8 @@ def run(params: Params) -> RunRecord:
     return RunRecord(
         name="compare",
         params=flat(settings) | {"reference": reference},
-        metrics=error_metrics(errors_percent, reference) | coverage_metrics(held, reference),
+        metrics=error_metrics(errors_percent, reference)
+        | {f"held_by_bounds_percent/condition_{name}": share for name, share in by_condition(held, reference).items()},
         tables={"errors_by_condition": by_columns(metric_rows(tree)), "bounds": by_columns(map(asdict, held))},
         note="\n".join(f"- {finding}" for finding in summary(comparison, main)),
         artifacts=artifacts(*WRITTEN),
@@ -118,6 +123,16 @@ def load_estimators() -> dict[str, FrictionEstimator]:
         FileNotFoundError: An estimator is missing.
     """
     return {name: load_estimator(folder) for name, folder in estimator_folders().items()}
+
+
+def _few(sessions: Sequence[Mapping[str, Any]]) -> str:
+    """State that few calibration sessions widen the bounds; empty if there are enough."""
+    roles = Counter(str(each["role"]) for each in sessions)
+    count = roles["calibration"] or roles["validation"]
+    if not 0 < count < ENOUGH_SESSIONS:
+        return ""
+    words = counted(count, "calibration session")
+    return f". They rest on {words}, and are wider for it (Student's t): sessions differ"
 
 
 def _write(
@@ -139,7 +154,7 @@ def _write(
         audit=read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None,
         offsets=offsets["sessions"],
         starts=begun,
-        bounds=("" if bounds is None else bounds.in_words())
+        bounds=("" if bounds is None else bounds.in_words() + _few(offsets["sessions"]))
         + (f". The sensors' zeros were left alone: {left_alone}" if left_alone else "")
         + (f". {loss}" if (loss := offsets.get("loss", "")) else ""),
         held=held,
