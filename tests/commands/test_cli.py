@@ -123,6 +123,13 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "others_greet", raising=False)
 
 
+def test_serve_states_at_once_that_it_starts_a_server(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["serve", str(tmp_path), "--port", "0"]) == 1
+    first, problem = capsys.readouterr().err.splitlines()
+    assert first == "cylinder-friction serve: starting MLflow's model server, which can take a minute"
+    assert "MLmodel" in problem
+
+
 def test_a_package_brings_a_command(plugin: None, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["greet", "Kim"]) == 0
     assert capsys.readouterr().out == "hello Kim\n"

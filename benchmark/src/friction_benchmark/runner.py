@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter
-from tqdm import tqdm
 
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import LostPiece, Work
 from friction_benchmark.campaigns import simulate
@@ -203,5 +203,5 @@ class Runner:
     def _done(self, kind: str, items: Sequence[Item], work: Callable[[Item], Work]) -> Iterator[tuple[Item, Any]]:
         """Yield each item and the result of its work, as they finish, with a progress bar."""
         done = self.processes.do_all([work(item) for item in items])
-        for number, result in tqdm(done, kind, len(items), unit="job", disable=None):
+        for number, result in progress(done, kind, len(items), unit="job"):
             yield items[number], result

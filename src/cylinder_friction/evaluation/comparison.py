@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.evaluation.metrics import Errors, errors, lag_s
 from cylinder_friction.evaluation.sessions import SessionErrors, half_width_points, session_errors
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
+from cylinder_friction.execution.progress import Progress, progress
 from cylinder_friction.realtime.bounds import creep_below_m_s
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
@@ -236,7 +235,7 @@ def compare(
             f"nothing to compare: got {len(estimators)} estimators and {len(recordings)} held-out recordings; "
             "expected at least one of each; hold at least one session out of training"
         )
-    with tqdm(total=len(recordings) * len(estimators), desc="compare", unit="estimate", disable=None) as bar:
+    with progress(words="compare", total=len(recordings) * len(estimators), unit="estimate") as bar:
         traces = tuple(_trace(estimators, recording, given_n.get(recording.name), bar) for recording in recordings)
     conditions = tuple(sorted({trace.condition for trace in traces}))
     near_zero_m_s = creep_below_m_s(
@@ -276,7 +275,7 @@ def with_gaps(parts: Sequence[Array], masks: Sequence[Mask], gap: int) -> tuple[
 
 
 def _trace(
-    estimators: Mapping[str, FrictionEstimator], recording: Recording, truth_n: Array | None, bar: tqdm[Any]
+    estimators: Mapping[str, FrictionEstimator], recording: Recording, truth_n: Array | None, bar: Progress
 ) -> Trace:
     if truth_n is not None and truth_n.shape != (len(recording),):
         raise RecordingError(

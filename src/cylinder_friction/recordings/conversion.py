@@ -6,7 +6,6 @@ A log that is too long for memory is cut into parts of some minutes. Each part i
 from __future__ import annotations
 
 import hashlib
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.recordings.checks.recording_checks import checked_recording
@@ -271,16 +271,6 @@ def logged_files(logs: Logs, rows: int | None = None) -> list[LoggedFile]:
 
 
 OfFile = TypeVar("OfFile", bound=Converted)
-Item = TypeVar("Item")
-
-
-def shown(items: Iterable[Item], words: str, total: int, unit: str) -> Iterable[Item]:
-    """Show a progress bar over the items if standard error is a terminal."""
-    if not (sys.stderr and sys.stderr.isatty()):
-        return items
-    from tqdm import tqdm  # slow to import, so only if a bar is shown
-
-    return tqdm(items, words, total, unit=unit)
 
 
 def usable(
@@ -291,7 +281,7 @@ def usable(
 ) -> Iterator[OfFile | Quarantined]:
     """Do the ``work`` on each file; yield its results in order, refuse copies, and add recordings to ``seen``."""
     done = (workers or Workers()).in_order([partial(work, file) for file in files])
-    for file, outcomes in zip(files, shown(done, "ingest", len(files), "file"), strict=True):
+    for file, outcomes in zip(files, progress(done, "ingest", len(files), unit="file"), strict=True):
         if isinstance(outcomes, LostPiece):
             yield Quarantined(file.name, outcomes.reason)
             continue

@@ -7,13 +7,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from tqdm import tqdm
-
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training import device_from
 from cylinder_friction.estimators.training_plan import Architecture, Checkpoint, TrainingPlan
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.files.whole_files import json_hash, read_json, write_json
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.realtime.position_load import PositionLoad
@@ -123,7 +122,7 @@ def train_hybrid(
     own = {"design": hybrid.design, "seed": settings.seed, "lag_s": hybrid.lag_s}
     depends_on = (flat(hybrid.cylinder.to_dict()), chosen, settings.training.model_dump(), data.hashes, own)
     checkpoint = Checkpoint(resume_folder(stage, RESUMED_CODE, *depends_on))
-    with tqdm(total=settings.training.epochs, desc=f"train {hybrid.design} hybrid", unit="epoch", disable=None) as bar:
+    with progress(words=f"train {hybrid.design} hybrid", total=settings.training.epochs, unit="epoch") as bar:
 
         def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:
             bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")

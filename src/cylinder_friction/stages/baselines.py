@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tqdm import tqdm
-
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.files.whole_files import whole_folder
 from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER
 from cylinder_friction.stages._training import (
@@ -35,7 +34,7 @@ def run(params: Params) -> RunRecord:
     named: dict[str, FrictionEstimator] = dict(
         baselines(cylinder, data.inputs, trees, settings.seed, data.position_load)
     )
-    for estimator in tqdm(named.values(), desc="train baselines", unit="estimator", disable=None):
+    for estimator in progress(named.values(), "train baselines", unit="estimator"):
         estimator.fit(data.train)
         if estimator.has_step:  # only a step learns the offset; an estimator of another package may have no step
             estimator.offset = data.tracker

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any
 
-from tqdm import tqdm
-
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
@@ -23,6 +21,7 @@ from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.truth import known_truth
 from cylinder_friction.evaluation.views import LearningCurve
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.storage import read_stored
@@ -96,7 +95,7 @@ def run(params: Params) -> RunRecord:
     analysis = analyse(comparison, main, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
     times = {
         name: time_steps(estimator, recordings[0], settings.timing_repeats)
-        for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator", disable=None)
+        for name, estimator in progress(estimators.items(), "time steps", unit="estimator")
     }
     tree = metric_tree(comparison)
     reference, errors_percent = reported_errors(tree[main])
@@ -161,7 +160,7 @@ def _write(
     )
     report = report_html(analysis, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:
-        for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure", disable=None):
+        for name, figure in progress(all_figures(analysis).items(), "figures", unit="figure"):
             (folder / f"{name}.png").write_bytes(png_bytes(figure))
     with whole_folder(PLOTS_FOLDER) as folder:
         for name, text in plot_tables(analysis).items():

@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from tqdm import tqdm
-
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.files.whole_files import whole_folder, write_json
 from cylinder_friction.recordings.storage import read_recording, recording_paths, write_recording
@@ -36,7 +35,7 @@ def run(params: Params) -> RunRecord:
         write_json(folder / FILTERS_FILE.name, settings.model_dump())
         pieces = [partial(write_filtered, path, chosen, folder) for path in paths]
         done = workers.all_in_order(pieces, [path.stem for path in paths])
-        written = list(tqdm(done, "filter", len(paths), unit="recording", disable=None))
+        written = list(progress(done, "filter", len(paths), unit="recording"))
     warn_of_rates(chosen, {sample_time_s for _, sample_time_s in written}, in_pipeline=True)
     return RunRecord(
         name="filter",

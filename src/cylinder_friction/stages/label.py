@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from tqdm import tqdm
 
 from cylinder_friction.evaluation.truth import read_truth
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.labelling.audit import Audit, AuditRow
@@ -68,11 +68,11 @@ def run(params: Params) -> RunRecord:
         sessions.setdefault(each.session, []).append(each.name)
     with workers_from_environment() as workers, whole_folder(LABELLED_FOLDER) as folder:
         found = workers.all_in_order([partial(labelling.identify, *each) for each in sessions.items()], list(sessions))
-        shown = tqdm(found, "identify", len(sessions), unit="session", disable=None if sessions else True)
+        shown = progress(found, "identify", len(sessions), unit="session")
         identified = dict(zip(sessions, shown, strict=True))
         pieces = [partial(labelling.write, each.name, identified.get(each.session), folder) for each in metadata]
         done = workers.all_in_order(pieces, names)
-        written = list(tqdm(done, "label", len(names), unit="recording", disable=None))
+        written = list(progress(done, "label", len(names), unit="recording"))
     write_json(
         IDENTIFIED_FILE,
         {session: each.to_dict() for session, each in identified.items()} or {"note": NOTHING_IDENTIFIED},

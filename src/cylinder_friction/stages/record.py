@@ -6,8 +6,8 @@ from collections import defaultdict
 from typing import TYPE_CHECKING
 
 import numpy as np
-from tqdm import tqdm
 
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.files.whole_files import whole_folder, write_text
 from cylinder_friction.rig.campaign import campaign
 from cylinder_friction.rig.sensors import write_logger_csv
@@ -40,7 +40,7 @@ def run(params: Params) -> RunRecord:
         if plan.recordings == 0:
             write_text(logger_folder / EMPTY_FILE, EMPTY_TEXT)
             write_text(truth_folder / EMPTY_FILE, EMPTY_TEXT)
-        for recording in tqdm(recordings, "record", plan.recordings, unit="recording", disable=None):
+        for recording in progress(recordings, "record", plan.recordings, unit="recording"):
             write_logger_csv(logger_folder / f"{recording.metadata.name}.csv", recording.logger)
             recording.truth.to_parquet(truth_folder / f"{recording.metadata.name}.parquet", index=False)
             rows += len(recording.truth)

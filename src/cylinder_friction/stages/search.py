@@ -6,11 +6,10 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tqdm import tqdm
-
 from cylinder_friction.estimators.front_end import feature_count
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.execution.measuring import Took
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.files.whole_files import whole_folder, write_json
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
@@ -48,7 +47,7 @@ def run(params: Params) -> RunRecord:
     )
     with (
         workers_from_environment() as workers,
-        tqdm(total=settings.trials, desc="search", unit="trial", disable=None) as bar,
+        progress(words="search", total=settings.trials, unit="trial") as bar,
     ):
         objective = partial(error_of, settings, cylinder, data if workers.here else data.hashes)
         trials = run_search(settings.space, plan, cost, objective, journal, bar.update, workers)
@@ -87,7 +86,7 @@ def _finals(
             work.append(partial(error_of, own, cylinder, given, trial.params))
             names.append(f"finalist {number}, seed {seed}")
     results = workers.all_in_order(work, names)
-    errors_n = list(tqdm(results, desc="finals", total=len(work), unit="training", disable=None))
+    errors_n = list(progress(results, "finals", len(work), unit="training"))
     count = len(seeds)
     return [
         Final(trial.params, tuple(errors_n[count * place : count * (place + 1)]), trial.multiply_adds)
@@ -109,7 +108,7 @@ def error_of(
     """
     data = given if isinstance(given, LearningData) else _read_once(Path.cwd(), tuple(sorted(given.items())))
     estimator = hybrid_from(cylinder, settings.hybrid, values, settings, data)
-    with tqdm(total=settings.training.epochs, desc="trial", unit="epoch", leave=False, disable=None) as bar:
+    with progress(words="trial", total=settings.training.epochs, unit="epoch", leave=False) as bar:
 
         def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
             bar.update(1)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -23,6 +22,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.evaluation.sessions import half_width_points
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.label import label
 from cylinder_friction.labelling.offset_identification import fit_offset_model
@@ -227,7 +227,7 @@ def _fitted(
     made: Mapping[str, Callable[[], FrictionEstimator]], recordings: Sequence[Recording], what: str
 ) -> dict[str, FrictionEstimator]:
     """Return the estimators, fitted, with a progress bar."""
-    bar = tqdm(made.items(), what, unit="estimator", disable=None)
+    bar = progress(made.items(), what, unit="estimator")
     fitted = {name: make().fit(recordings) for name, make in bar}
     if fitted["hybrid"].offset is not None:
         fitted[OFFSET_LEFT] = copy.copy(fitted["hybrid"])

@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import (
@@ -14,7 +15,6 @@ from cylinder_friction.recordings.conversion import (
     open_tables,
     pieces_from,
     samples_hash,
-    shown,
 )
 from cylinder_friction.recordings.logs import Recipe, name_of
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
@@ -27,7 +27,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
     As in ``ingest``, a duplicate of an earlier recording is refused.
     """
     duplicates = SeenRecordings()
-    for name, path in shown(files.items(), "inspect", len(files), "file"):
+    for name, path in progress(files.items(), "inspect", unit="file"):
         for piece, subject in _inspect_file(name, path, recipe):
             recording = subject.recording
             if piece is None or recording is None or subject.outcome == "refused":

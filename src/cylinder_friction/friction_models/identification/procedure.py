@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.execution.progress import progress
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.presliding import bristle_stiffness
 from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
@@ -131,7 +131,7 @@ def identify(
     intervals = confidence_intervals(everything, parameters, names, confidence, offset_n, recordings_differ)
     error_n, level_n = everything.error_of(parameters.packed()), everything.mean_friction_n
     as_searched_n = motions_of(recordings, chosen).error_of(parameters.packed())
-    others = () if alike is None else tqdm(velocities, f"intervals {model.title}", unit="velocity", disable=None)
+    others = () if alike is None else progress(velocities, f"intervals {model.title}", unit="candidate")
     for name in others:
         motions = motions_of(recordings, name)
         end = search_locally(motions, coordinates, point, ALIKE_EVALUATIONS)
@@ -146,7 +146,7 @@ def _first_looks(
     offered: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
 ) -> tuple[str, list[Array]]:
     """Search briefly from each start; return the velocity with the least error and the points found with it."""
-    shown = tqdm(offered.items(), f"velocities {coordinates.model.title}", unit="velocity", disable=None)
+    shown = progress(offered.items(), f"velocities {coordinates.model.title}", unit="candidate")
     looks = {
         name: [search_locally(motions, coordinates, start, evaluations) for start in starts] for name, motions in shown
     }
@@ -161,11 +161,11 @@ def _search(
 ) -> tuple[Array, list[float]]:
     """Search for the best point; return it with the history of differential evolution."""
     first, words = min(looks, key=lambda point: few.error_of(coordinates.values(point))), coordinates.model.title
-    with tqdm(total=effort.generations, desc=f"identify {words}", unit="generation", disable=None) as progress:
+    with progress(words=f"identify {words}", total=effort.generations, unit="generation") as bar:
         found, history = search_globally(
-            few, coordinates, first, effort.seed, effort.population, effort.generations, progress.update
+            few, coordinates, first, effort.seed, effort.population, effort.generations, bar.update
         )
-    shown = tqdm((*looks, found), f"refine {words}", unit="search", disable=None)
+    shown = progress((*looks, found), f"refine {words}", unit="start")
     ends = [search_locally(polished, coordinates, each, effort.polish_evaluations) for each in shown]
     return min(ends, key=lambda point: polished.error_of(coordinates.values(point))), history
 
