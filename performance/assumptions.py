@@ -38,6 +38,7 @@ ASSUMPTIONS = {
     "asymmetry within ± 30 %": World(options={"asymmetry_by_condition": 0.8}),
     "no load but the stated one": World(options={"weight_n": WEIGHT_N}),
     "moving mass as stated": World(options={"weight_n": WEIGHT_N}, load=f"{WEIGHT_N:g}+-40", mass_stated=0.1),
+    "friction follows speed at once": World(options={"ageing": 0.07, "position_step_m": 1e-4}),
     "sensors at the cylinder": World(options={"line_loss_bar": 6.0}),
     "sensors at the cylinder, small loss": World(options={"line_loss_bar": 0.5}),
     "line loss within the stated 20 %": World(options={"line_loss_bar": 3.0}, line_stated=0.7),
@@ -63,7 +64,7 @@ def rows_of(world: World, seed: int) -> Iterator[dict[str, float]]:
                 run.offsets[each.metadata.session].doubt,
                 run.loss_in_words(),
                 load_left(run.friction.entry(each, load)),
-                missing_mass(each, cylinder.moving_mass_kg),
+                missing_mass(each, cylinder),
                 *each.metadata.remarks,
             )
             yield {

@@ -6,17 +6,24 @@ Campaigns of the simulated rig, with options that are off by default: sensors at
 pressure (one per condition and all together), that loss stated rightly and 20 % wrong, and one motion at 100, 200, 500
 and 1000 Hz. Prints a row per sentence or figure: the place in the code that makes it, how many were counted, and how
 many were true. ``intervals`` prints, by kind of campaign, how often stated intervals of label, offset, Stribeck point,
-load and parameters hold truth; what has no number is not counted. ``--quick`` takes one seed and shorter recordings.
+load and parameters hold truth; what has no number is not counted. ``masses`` prints the same of the moving mass that a
+session's motion determines, on rigs with payloads, whose seals remember rest and whose position comes in steps of 0.1
+mm, and how often the mass is unknown. ``--quick`` takes one seed and shorter recordings.
+
+The servo rig of ``masses`` needs the package in ``benchmark``.
 """
 
 import argparse
+import importlib
 import math
 import re
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -34,6 +41,7 @@ from sentences import (
 from zero_sweep import RIG, Kind, evidence_of, raw_recordings
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification import MOST_ROWS, ModelSearch
 from cylinder_friction.estimation.results import load_left
@@ -41,7 +49,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.labelling.apparent_loss import HIGHEST_SPEED, named_loss
 from cylinder_friction.labelling.known_offset import STROKES
-from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.label import Labeller, by_session, label
 from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.conversion import logged_files
 from cylinder_friction.recordings.line_loss import LineLoss
@@ -49,6 +57,8 @@ from cylinder_friction.recordings.logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
 from cylinder_friction.rig.campaign_plan import CampaignPlan
+from cylinder_friction.signals.smooth_signals import filtered
+from cylinder_friction.signals.zero_phase import default_filter
 
 KIND = Kind(0.15, 0.15)
 LOSSES_BAR = (0.0, 1.0, 2.0, 3.0, 6.0)
@@ -57,6 +67,18 @@ LAMINAR = 0.2
 OF_THE_RIG = 9
 """Sessions of a condition, of which three are logged, that show friction of the rig."""
 AT_REST_M_S = 1e-3
+MEMORY: dict[str, Any] = {"ageing": 0.07, "position_step_m": 1e-4}
+"""Seals that stick harder the longer they rest, and a coarse position."""
+PAYLOADS: dict[str, tuple[float, dict[str, Any]]] = {
+    "sled of 260 kg": (260.0, {}),
+    "sled of 900 kg": (900.0, {}),
+    "sled of 260 kg, memory, 0.1 mm": (260.0, MEMORY),
+    "sled of 900 kg, memory, 0.1 mm": (900.0, MEMORY),
+    "weight of 430 kg, memory, 0.1 mm": (430.0, {**MEMORY, "weight_n": 4218.0}),
+}
+"""Moving mass [kg] and further fields of ``CampaignPlan``."""
+SERVO_KG, SERVO_RENEWAL_M = 260.0, 2e-3
+"""Payload of the servo rig, and the travel that renews its contacts."""
 Row = tuple[str, str, bool | float]
 """Place in the code, sentence or figure, and whether it was true, or its value."""
 
@@ -264,9 +286,49 @@ def breakaway_n(made: Simulated, condition: str) -> tuple[float, float] | None:
     return (min(values), max(values)) if values else None
 
 
+def masses(seed: int, quick: bool) -> Iterator[Row]:
+    """Yield whether the interval of each session's moving mass holds the true one, and whether it is unknown."""
+    for name, (mass_kg, options) in PAYLOADS.items():
+        plan = CampaignPlan(
+            seed=seed,
+            sessions_per_condition=1 if quick else 2,
+            recordings_per_session=2,
+            duration_s=60.0,
+            residual_offset_bar=KIND.zero_bar,
+            specimen="wide",
+            **options,
+        )
+        cylinder = replace(RIG, moving_mass_kg=mass_kg)
+        logs, _ = raw_recordings(cylinder, plan, KIND)
+        yield from masses_of(name, logs, cylinder)
+    servo = importlib.import_module("friction_benchmark.servo_rig.sessions")
+    drive, seals = servo.Drive, servo.Seals
+    servo.Drive = partial(drive, mass_kg=SERVO_KG)  # type: ignore[attr-defined]
+    servo.Seals = partial(seals, renewal_m=SERVO_RENEWAL_M)  # type: ignore[attr-defined]
+    made = servo.record_sessions(servo.SessionPlan(seed=seed, sessions=1 if quick else 2))
+    servo.Drive, servo.Seals = drive, seals  # type: ignore[attr-defined]
+    cylinder = replace(servo.CYLINDER, moving_mass_kg=SERVO_KG)
+    yield from masses_of(f"servo rig, {SERVO_KG:.0f} kg, memory", [each.recording for each in made], cylinder)
+
+
+def masses_of(name: str, logs: Sequence[Recording], cylinder: Cylinder) -> Iterator[Row]:
+    """Yield what is identified of the mass in each session of a campaign."""
+    chosen, labeller = default_filter(cylinder), Labeller(cylinder, inertia="identified")
+    for own in by_session([filtered(each, chosen) for each in logs]).values():
+        motion = labeller.identify(own, chosen).motion
+        assert motion is not None
+        for kind in (name, "all"):
+            yield "moving mass unknown [%]", kind, not motion.mass_known
+            if motion.mass_known:
+                low, high = motion.mass_interval_kg
+                yield "95 % interval of moving mass", kind, low <= cylinder.moving_mass_kg <= high
+                yield "its half width over the mass [%]", kind, 50.0 * (high - low) / motion.mass_kg
+
+
 PARTS = {
     "intervals": intervals,
     "losses": losses,
+    "masses": masses,
     "rates": rates,
     "sentences": sentences,
 }

@@ -18,7 +18,6 @@ from cylinder_friction.friction_models.identification.simulation import Motion, 
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.mass import MotionIdentification, motion_points
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.sliding_blocks import zero_uncertainty_n
 from cylinder_friction.recordings.columns import LOAD_FORCE
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.arrays import Array
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.labelling.mass import MotionIdentification
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.recordings.recording import Recording
 
@@ -41,6 +41,7 @@ CRANE_RUNS = ("JibSineTest", "Dual2SineTest")
 PUBLISHED_EMPS = {"mass_kg": 95.1, "viscous_n_s_m": 203.0, "coulomb_n": 20.4}
 PRESLIDING_TRAVEL_M = 1e-5
 SLOWEST_M_S = 1e-5
+SLOWEST_MOVING_M_S, BLOCK_S = 0.001, 0.05
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,14 @@ class EmpsFigures:
     """What was identified on one file, and how well it predicts the force of both.
 
     Attributes:
-        motion: Mass and friction of the estimation file.
+        motion: Mass of the estimation file, with its interval.
+        parameters: Mass, viscous and Coulomb friction, and a constant force of the estimation file, by name.
         force_error_percent: Root mean square error over that of the force itself, row by row, by file.
         block_error_percent: The same of means over 0.05 s, in which vibration of the stage averages out.
     """
 
     motion: MotionIdentification
+    parameters: dict[str, float]
     force_error_percent: dict[str, float]
     block_error_percent: dict[str, float]
 
@@ -61,27 +64,33 @@ class EmpsFigures:
 def emps(data: Path) -> EmpsFigures:
     """Identify mass and friction on the estimation file and predicts the force of both files."""
     recordings = {name: recordings_of(data / f"emps/{name}.mat", "emps") for name in EMPS_FILES}
-    _, found = labelled(recordings[EMPS_FILES[0]], "emps", inertia="identified")
+    (recording,), found = labelled(recordings[EMPS_FILES[0]], "emps", inertia="identified")
     motion = found.motion
     assert motion is not None
+    moving = recording.usable() & (np.abs(recording.column("velocity_m_s")) >= SLOWEST_MOVING_M_S)
+    velocity = recording.column("velocity_m_s")[moving]
+    design = np.column_stack([velocity, np.sign(velocity), np.ones(len(velocity))])
+    friction = np.linalg.lstsq(design, recording.column("friction_n")[moving])[0].tolist()
+    names = ("mass_kg", "viscous_n_s_m", "coulomb_n", "offset_n")
+    parameters = dict(zip(names, (motion.mass_kg, *friction), strict=True))
     by_row, by_block = {}, {}
     for name in EMPS_FILES:
         (recording,), _ = labelled(recordings[name], "emps")
-        by_row[name], by_block[name] = _force_errors_percent(recording, motion)
-    return EmpsFigures(motion, by_row, by_block)
+        by_row[name], by_block[name] = _force_errors_percent(recording, parameters)
+    return EmpsFigures(motion, parameters, by_row, by_block)
 
 
-def _force_errors_percent(recording: Recording, motion: MotionIdentification) -> tuple[float, float]:
-    """Return the relative error of the predicted force, of rows and of blocks."""
+def _force_errors_percent(recording: Recording, parameters: dict[str, float]) -> tuple[float, float]:
+    """Return the relative error of the predicted force, of rows and of means over ``BLOCK_S``."""
     signals, usable = signals_of(recording), recording.usable()
     force_n = drive_force(signals, CYLINDERS["emps"])
     velocity, acceleration = signals.velocity_m_s, signals.acceleration_m_s2
-    friction_n = motion.viscous_n_s_m * velocity + motion.coulomb_n * np.sign(velocity)
-    error_n = force_n - (motion.mass_kg * acceleration + friction_n + motion.offset_n)
-    force, error = (
-        motion_points(each, each, velocity, acceleration, recording.sample_time_s, usable, 0.0).force_n
-        for each in (force_n, error_n)
-    )
+    friction_n = parameters["viscous_n_s_m"] * velocity + parameters["coulomb_n"] * np.sign(velocity)
+    error_n = force_n - (parameters["mass_kg"] * acceleration + friction_n + parameters["offset_n"])
+    size = round(BLOCK_S / recording.sample_time_s)
+    blocks = np.arange(len(force_n) // size * size).reshape(-1, size)
+    blocks = blocks[usable[blocks].all(axis=1)]
+    force, error = (each[blocks].mean(axis=1) for each in (force_n, error_n))
     return _relative_percent(error_n[usable], force_n[usable]), _relative_percent(error, force)
 
 

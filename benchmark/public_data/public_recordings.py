@@ -24,17 +24,13 @@ from public_figures import PUBLISHED_EMPS, CraneFigures, crane, emps, seals, tri
 
 def print_emps(data: Path) -> None:
     figures = emps(data)
-    motion = figures.motion
-    print("EMPS, identified on DATA_EMPS through Savitzky-Golay 21, order 2, of force and position")
-    for name, published in PUBLISHED_EMPS.items():
-        value = getattr(motion, name)
-        head, _, unit = name.partition("_")
-        interval = getattr(motion, f"{head}_interval_{unit}")
-        print(
-            f"  {name:14s} {value:8.2f}  95 % interval {interval[0]:.2f} to {interval[1]:.2f}"
-            f"   published {published}, {100.0 * (value / published - 1.0):+.2f} %"
-        )
-    print(f"  offset_n       {motion.offset_n:8.2f}")
+    print("EMPS, identified on DATA_EMPS")
+    low, high = figures.motion.mass_interval_kg
+    print(f"  95 % interval of the mass {low:.2f} to {high:.2f} kg")
+    for name, value in figures.parameters.items():
+        published = PUBLISHED_EMPS.get(name)
+        beside = "" if published is None else f"   published {published}, {100.0 * (value / published - 1.0):+.2f} %"
+        print(f"  {name:14s} {value:8.2f}{beside}")
     for name, percent in figures.force_error_percent.items():
         blocks = figures.block_error_percent[name]
         print(

@@ -186,6 +186,20 @@ def test_conditions_differ_in_asymmetry(cylinder: Cylinder, recordings: list[Rig
     assert [not a.truth.equals(b.truth) for a, b in zip(differing, recordings, strict=True)] == [True] * 8
 
 
+def test_contacts_that_age_at_rest_break_away_harder(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    aged = next(campaign(cylinder, replace(SHORT, ageing=0.1))).truth
+    for part, least in ((1.0, 1.2), (0.5, 1.0)):
+        friction_n = (np.quantile(np.abs(truth["friction_n"]), part) for truth in (aged, recordings[0].truth))
+        assert next(friction_n) > least * next(friction_n)
+
+
+def test_a_digital_position_has_steps(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    stepped = next(campaign(cylinder, replace(SHORT, position_step_m=1e-4)))
+    assert stepped.truth.equals(recordings[0].truth)
+    steps = stepped.logger["Position [mm]"].to_numpy() / 0.1
+    assert np.abs(steps - np.round(steps)).max() < 1e-9
+
+
 @pytest.mark.parametrize("start", ["rest", "end_stop"])
 def test_a_recording_can_begin_at_rest(cylinder: Cylinder, start: Any) -> None:
     for each in campaign(cylinder, replace(SHORT, recordings_per_session=1, weight_n=500.0, start=start)):

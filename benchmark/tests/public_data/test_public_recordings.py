@@ -38,7 +38,7 @@ def emps(public: Any) -> Any:
 
 def test_emps_gives_the_published_mass_and_friction_within_two_percent(public: Any, emps: Any) -> None:
     for name, published in public.PUBLISHED_EMPS.items():
-        assert getattr(emps.motion, name) == pytest.approx(published, rel=0.02), name
+        assert emps.parameters[name] == pytest.approx(published, rel=0.02), name
     low, high = emps.motion.mass_interval_kg
     assert low < 95.1 < high
     assert high - low < 2.0

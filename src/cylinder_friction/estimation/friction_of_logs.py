@@ -171,7 +171,7 @@ class RecordingFriction:
         about, given = recording.metadata, None if estimator is None else estimator.position_load
         known = (self.stated_load or self.labeller.load) if given is None else given.in_words()
         other, noisy, missed, fits = "", "", "", True
-        mass = missing_mass(recording, self.labeller.cylinder.moving_mass_kg) if estimator is None else ""
+        mass = missing_mass(recording, self.labeller.cylinder) if estimator is None else ""
         another_load = given is not None and self.labeller.load == "none"
         if estimator is not None and estimator.bounds is not None and estimator.offset is None and not another_load:
             missed = label_missed(recording, estimator.bounds)  # The label has the same offset and load

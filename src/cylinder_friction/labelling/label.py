@@ -13,7 +13,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.mass import motion_points
+from cylinder_friction.labelling.mass import motion_points, raw_force
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
@@ -87,7 +87,7 @@ class Labeller:
         Raises:
             RecordingError: The strokes do not determine the load, or the session hardly moves.
         """
-        strokes, blocks, others = [], [], tuple[str, ...]()
+        strokes, windows, others = [], [], tuple[str, ...]()
         for recording in recordings:
             signals, position_m = signals_of(recording), recording.column("position_m")
             load_n = self._load(recording, None)
@@ -98,8 +98,8 @@ class Labeller:
             usable = usable_rows(
                 position_m, self.cylinder.stroke_m, self.end_stop_margin_m, signal_filter.support(step_s)
             )
-            motion = (force_n, position_m, signals.velocity_m_s, signals.acceleration_m_s2)
             if self.load == "position":
+                motion = (force_n, position_m, signals.velocity_m_s, signals.acceleration_m_s2)
                 limits = step_s, self.load_plan.slowest_m_s, self.load_plan.settling_travel_m
                 others = tuple(column for column in OTHER_POSITIONS if column in recording.columns)
                 others_m = recording.samples(others) if others else None
@@ -107,8 +107,9 @@ class Labeller:
                 pressure_pa = sum(pressures, np.zeros(len(recording)))  # 0 if no pressures were recorded
                 strokes.append(stroke_points(*motion, pressure_pa, usable, *limits, others_m))
             if self.inertia == "identified":
-                blocks.append(motion_points(*motion, step_s, usable))
-        return identify_session(strokes, blocks, self.cylinder.moving_mass_kg, self.load_plan, others)
+                raw_n, chambers_n = raw_force(recording, self.cylinder)
+                windows.append(motion_points(raw_n, position_m, signals.velocity_m_s, step_s, usable, chambers_n))
+        return identify_session(strokes, windows, self.cylinder.moving_mass_kg, self.load_plan, others)
 
     def identify_sessions(
         self, sessions: Mapping[str, Iterable[Recording]], signal_filter: SignalFilter

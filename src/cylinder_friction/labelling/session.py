@@ -32,7 +32,7 @@ class SessionIdentification:
 
 def identify_session(
     strokes: Sequence[StrokePoints],
-    blocks: Sequence[MotionPoints],
+    windows: Sequence[MotionPoints],
     given_mass_kg: float,
     load_plan: LoadPlan,
     others: tuple[str, ...] = (),
@@ -42,19 +42,19 @@ def identify_session(
     The mass is identified first, together with a load of any smooth shape. The load follows, after subtraction of the
     inertia of that mass if the motion determines it, otherwise of the given mass.
 
-    Without strokes the load is not identified, without blocks the mass is not. The force of the strokes includes
+    Without strokes the load is not identified, without windows the mass is not. The force of the strokes includes
     inertia. ``others`` names the columns of the other positions that the load depends on.
 
     Raises:
         RecordingError: The strokes do not determine the load, or the session hardly moves.
     """
-    if blocks and others:
+    if windows and others:
         raise RecordingError(
             "the moving mass cannot be identified beside a load of several positions; state it (label.inertia: given)"
         )
     mass_kg, load, motion = given_mass_kg, None, None
-    if blocks:
-        motion = identify_motion(MotionPoints.joined(blocks), load_order=_LOAD_ORDER if strokes else 0)
+    if windows:
+        motion = identify_motion(MotionPoints.joined(windows), load_order=_LOAD_ORDER if strokes else 2)
         mass_kg = motion.mass_kg if motion.mass_known else mass_kg
     if strokes:
         points = StrokePoints.joined(strokes)

@@ -93,7 +93,8 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     refuse_unknown("specimen", plan.specimen, SPECIMENS)
     specimen = SPECIMENS[plan.specimen](default_rig(cylinder, plan.supply), _generator(plan, 0, 0, 0))
     specimen = with_fault(specimen, plan.fault)
-    specimen = replace(specimen, sensors=_sensors(plan, specimen))
+    friction = replace(specimen.friction, ageing=plan.ageing)
+    specimen = replace(specimen, friction=friction, sensors=_sensors(plan, specimen))
     if plan.external_load != "none" or plan.weight_n:
         # A load that pulls would draw a vacuum; circuits for such loads have anti-cavitation valves.
         specimen = replace(specimen, hydraulics=replace(specimen.hydraulics, makeup_gain=MAKEUP_GAIN))
@@ -133,6 +134,7 @@ def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:
         sample_time_s=plan.sample_time_s,
         jitter_s=0.5 * plan.jitter * plan.sample_time_s,
         load_delay_s=plan.load_delay_s,
+        position_step_m=plan.position_step_m,
         pressure_lag_s=plan.pressure_lag_s,
         line_laminar_pa_s_m3=laminar_pa / flow_m3_s,
         line_turbulent_pa_s2_m6=(plan.line_loss_bar * BAR_PA - laminar_pa) / flow_m3_s**2,

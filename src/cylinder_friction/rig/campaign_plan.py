@@ -59,6 +59,9 @@ class CampaignPlan:
     pressure_lag_s: _NotNegative = 0.0  # First-order lag of the pressure transmitters [s]
     # Standard deviation, from condition to condition, of the ratio of friction retracting to friction extending
     asymmetry_by_condition: _NotNegative = 0.0
+    # Growth of dry friction per e-fold of rest, which a travel of 2 mm takes back
+    ageing: _NotNegative = 0.0
+    position_step_m: _NotNegative = 0.0  # Step of a digital position sensor; 0 for the potentiometer [m]
     # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
     specimen: Literal["default", "wide"] = "default"
     # What a recording begins with: ``"work"``; ``"rest"`` of the piston after a stroke that nobody logged, or at an

@@ -48,6 +48,12 @@ def place_factor(f: Any, position_m: float, stroke_m: float, drift: float) -> fl
 
 
 @numba.njit(cache=True)
+def ageing_factor(f: Any, age_s: float) -> float:
+    """Compute the factor on dry friction of contacts of this age (Dieterich, 1979)."""
+    return 1.0 + f.ageing * math.log1p(age_s / f.ageing_onset_s)
+
+
+@numba.njit(cache=True)
 def strength(f: Any, coulomb_n: float, velocity_m_s: float, film: float, viscosity: float) -> float:
     """Compute the Stribeck strength s [N], the mean of both directions.
 

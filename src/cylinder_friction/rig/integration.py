@@ -20,6 +20,7 @@ from cylinder_friction.rig import friction, hydraulics
 from cylinder_friction.rig import lever as lever_module
 from cylinder_friction.rig.external_load import between, load_at
 from cylinder_friction.rig.friction import (
+    ageing_factor,
     coulomb_friction,
     damping,
     direction_factor,
@@ -70,7 +71,7 @@ def _run(f: Any, y: Any, script: Any, actions: Any, drift: Any, load: Any, begin
     scripted = len(actions) == 0
     x, p1, p2, ps, temperature, film = begin
     load_n, load_share, load_along_n = load
-    v = spool = volume_1 = volume_2 = 0.0
+    v = spool = volume_1 = volume_2 = age_s = 0.0
     force = np.zeros(ELEMENTS)
     slips = np.zeros(ELEMENTS, dtype=np.bool_)
     hand = new_hand()
@@ -89,7 +90,7 @@ def _run(f: Any, y: Any, script: Any, actions: Any, drift: Any, load: Any, begin
         viscosity = viscosity_ratio(f, temperature)
         slow = between(drift, time_s / DRIFT_STEP_S)
         coulomb = coulomb_friction(f, p1, p2, place_factor(f, x, y.stroke_m, slow), temperature)
-        level = strength(f, coulomb, v, film, viscosity)
+        level = ageing_factor(f, age_s) * strength(f, coulomb, v, film, viscosity)
         damp = damping(f, v, viscosity)
         stop, stop_stiffness = stop_force(y, x, v)
         external = load_at(load_n, load_share, load_along_n, time_s, x, y.stroke_m)
@@ -132,6 +133,7 @@ def _run(f: Any, y: Any, script: Any, actions: Any, drift: Any, load: Any, begin
 
         target, rate = film_rate(f, film, v, viscosity)
         film += (target - film) * dt * rate / (1.0 + dt * rate)
+        age_s = (age_s + dt) / (1.0 + dt * abs(v) / f.renewal_m)
         spool += (lever - spool) * dt / (y.spool_lag_s + dt)
         heat = max(pump, 0.0) * ps - y.cooling_w_k * (temperature - y.room_temperature_c)
         temperature += dt * heat / y.oil_heat_capacity_j_k

@@ -57,6 +57,9 @@ class FrictionParameters:
     ripple_length_m: tuple[float, float, float] = (0.19, 0.061, 0.023)  # Length of each wave [m]
     ripple_phase_rad: tuple[float, float, float] = (0.4, 2.1, 4.4)  # Phase of each wave [rad]
     bend_n_per_n: float = 0.0  # Relative friction of a bent rod at full stroke; 0 when straight [-]
+    ageing: float = 0.0  # Growth of dry friction per e-fold of the contacts' age [-]
+    ageing_onset_s: float = 0.1  # Age at which that growth begins [s]
+    renewal_m: float = 0.002  # Travel that renews the contacts [m]
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,8 @@ class SensorParameters:
     pressure_span_pa: float = 250e5  # Range of the transmitters [Pa]
     position_span_m: float = 0.25  # Range of the potentiometer [m]
     bits: int = 12  # Resolution of the converter, over each span
+    # Step of a digital position sensor, in place of the converter's; 0 if it is analogue [m]
+    position_step_m: float = 0.0
     anti_alias_hz: float = 80.0  # Corner of the second-order filter before the converter [Hz]
     pressure_noise_pa: float = 0.05e5  # Root mean square of the pressure noise [Pa]
     position_noise_m: float = 30e-6  # Root mean square of the position noise [m]

@@ -60,7 +60,11 @@ def measure(
     seen_m = sampled(_anti_alias(position_m, log_step_s, sensors.anti_alias_hz))
     seen_m += generator.normal(0.0, sensors.position_noise_m, len(time_s))
     span_m = sensors.position_span_m
-    columns[LOGGER_COLUMNS[3]] = _converted(seen_m, span_m, sensors.bits, -UNDER_RANGE * span_m) / MM
+    if sensors.position_step_m:
+        seen_m = np.round(seen_m / sensors.position_step_m) * sensors.position_step_m
+    else:
+        seen_m = _converted(seen_m, span_m, sensors.bits, -UNDER_RANGE * span_m)
+    columns[LOGGER_COLUMNS[3]] = seen_m / MM
     late_c = sampled(_late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s))
     seen_c = late_c + sensors.temperature_offset_c + generator.normal(0.0, sensors.temperature_noise_c, len(time_s))
     columns[LOGGER_COLUMNS[4]] = _converted(seen_c, sensors.temperature_span_c, sensors.bits, 0.0)
