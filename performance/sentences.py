@@ -364,7 +364,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identified_model.py, interval of a parameter",
-        r"^  (viscous_n_s_m|retract_ratio|coulomb_n) +[\d.e+-]+ +\S* *\S* +([\d.e+-]+) to ([\d.e+-]+)$",
+        r"^  (viscous_n_s_m|retract_ratio|coulomb_n) +[\d.e+-]+ +\S* *\S* +([\d.e+-]+) to ([\d.e+-]+), ± \d+ %",
         lambda m, made, name: holds(
             (float(m[2]), float(m[3])), made.parameter(m[1], dry="dry_at_zero_n" if name == SCALED else "dry_n")
         ),
@@ -376,7 +376,8 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/identified_model.py, no number",
-        r"^  \w+ +not determined: |: not identified: |points of steady sliding, (?:no curve: |curve fitted; )",
+        r"^  \w+ +not determined: |: not identified: |points of steady sliding, .*(?:no curve: |curve fitted)"
+        r"|± more than 50 % in \d+ of \d+ points?, too wide to use|, ± \d+ %(?:, too wide to use|$)",
         lambda *_: True,  # What has no number claims nothing
     ),
     (

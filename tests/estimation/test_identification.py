@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.identification import identify_logs
+from cylinder_friction.estimation.identification import identify_logs, too_coarse
 from cylinder_friction.estimation.identified_model import FrictionModels, IdentifiedModel
 from cylinder_friction.recordings.recording import RecordingError
 from friction_samples import lugre_to_find
@@ -138,3 +138,16 @@ def test_viscous_and_static_friction_are_held_over_the_oils_temperatures(tmp_pat
         lower, upper = held[name] or (math.nan, math.nan)
         assert lower <= low <= high <= upper, name
         assert upper < 2.0 * lower * high / low, name
+
+
+@pytest.mark.parametrize(
+    ("coulomb_n", "found_n_m", "stiffest_n_m"), [(1250.0, 1.2e7, 2.4e7), (400.0, 2.5e6, 5e6), (300.0, 2e6, 2.5e6)]
+)
+def test_stiffness_has_no_number_if_bristles_may_bend_less_than_a_step(
+    coulomb_n: float, found_n_m: float, stiffest_n_m: float
+) -> None:
+    """A step of 0.1 mm makes bristles of 60 N/um and 14 N/um look like 12 and 2.5."""
+    assert coulomb_n / found_n_m > 1e-4
+    words = too_coarse(coulomb_n, stiffest_n_m, 1e-4)
+    assert bool(words) == (coulomb_n / stiffest_n_m < 1e-4)
+    assert words == "" or "the position's step of 0.0001 m; record a finer position" in words

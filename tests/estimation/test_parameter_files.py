@@ -88,3 +88,14 @@ def test_the_reason_names_what_is_missing() -> None:
     notes = {each.name: each.note for each in unknown.parameters}
     assert {notes[name] for name in ("coulomb_n", "retract_ratio", "pressure_slope_n_pa")} == {"zeros are not stated"}
     assert (notes["static_n"], notes["stribeck_exponent"], notes["viscous_n_s_m"]) == ("not seen", "not seen", "")
+
+
+def test_a_value_that_is_too_wide_to_use_says_so_and_what_narrows_it() -> None:
+    wide, sure = identified(False, factor=1.9), identified(False)
+    (stiffness,) = (each for each in wide.parameters if each.name == "bristle_stiffness_n_m")
+    assert stiffness.half_percent == pytest.approx(50.0 * (1.9 - 1.0 / 1.9))
+    assert stiffness.remark == "too wide to use: record more reversals, with a finer position"
+    assert "too wide to use: record more reversals" in modelica_record(wide, CYLINDER)
+    assert "too wide to use" in matlab_script(wide, CYLINDER)
+    assert "too wide to use" not in modelica_record(sure, CYLINDER)
+    assert wide.to_dict()["parameters"]["coulomb_n"]["note"].startswith("too wide to use: record more strokes")

@@ -53,6 +53,28 @@ def test_a_curve_without_slow_or_fast_sliding_has_no_numbers_for_it() -> None:
         assert bool(found["why_not"]) != (known and viscous)
 
 
+@pytest.mark.parametrize(
+    ("scatter_n", "zeros_n", "advice"),
+    [(400.0, 0.0, "record more strokes of each speed"), (1.0, 200.0, "state how exact the sensors are")],
+)
+def test_points_that_are_too_wide_to_use_are_counted(scatter_n: float, zeros_n: float, advice: str) -> None:
+    speeds = np.repeat(np.geomspace(5e-3, 0.1, 6), 3).tolist()
+    curve = StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
+    recording = strokes(speeds, np.random.default_rng(0).normal(0.0, scatter_n, 2 * len(speeds)), curve)
+    points = stribeck_points([recording], 5e-4, 0.95)
+    found = IdentifiedCurve.through([recording], points, Zeros(zeros_n), None, CYLINDER)
+    percents = [each["half_width_percent"] for each in found.to_dict()["points"]]
+    wide = sum(each > 50.0 for each in percents)
+    assert wide > 0
+    start = f"± more than 50 % in {wide} of {len(percents)} points, too wide to use: "
+    assert found.too_wide.startswith(start)
+    assert advice in found.too_wide
+    sure = IdentifiedCurve.through(
+        [recording], [replace(each, half_width_n=0.0) for each in points], Zeros(0.0), None, CYLINDER
+    )
+    assert sure.too_wide == ""
+
+
 def test_a_curve_has_no_number_with_unknown_zeros_however_alike_its_sessions_are() -> None:
     speeds, curve = np.geomspace(7e-3, 0.1, 9).tolist(), StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
     sessions = []

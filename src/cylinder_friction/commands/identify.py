@@ -7,7 +7,12 @@ from functools import partial
 
 from cylinder_friction.commands.log_options import print_result, run_on_logs
 from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
-from cylinder_friction.estimation.identified_model import INTERVALS, FrictionModels, IdentifiedParameter
+from cylinder_friction.estimation.identified_model import (
+    INTERVALS,
+    FrictionModels,
+    IdentifiedParameter,
+    half_percent,
+)
 from cylinder_friction.wording import counted
 
 EXPECTED = (ValueError, OSError)
@@ -27,7 +32,10 @@ def _lines(result: FrictionModels) -> list[str]:
         fitted = "no curve: " if curve.curve is None else "curve fitted; " if curve.reasons else "curve fitted"
         points = counted(len(curve.points), "point")
         sliding = f"{points} of steady sliding, {curve.oil.in_words()}"
-        lines.append(f"condition {curve.condition}: {sliding}, {fitted}{curve.reasons}")
+        halves = [half for point in curve.points if (half := half_percent(point)) is not None]
+        beside = f", ± {min(halves):.0f} to {max(halves):.0f} %" if halves else ""
+        lines.append(f"condition {curve.condition}: {sliding}{beside}, {fitted}{curve.reasons}")
+        lines += [f"  {curve.too_wide}"] * bool(curve.too_wide)
     for model in result.models:
         if model.found is None:
             lines += ["", f"{model.title}: not identified: {model.why_not}"]
@@ -44,5 +52,9 @@ def _lines(result: FrictionModels) -> list[str]:
 def _line(each: IdentifiedParameter) -> str:
     if each.value is None:
         return f"  {each.name:<22} {each.remark}"
-    limits = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
-    return f"  {each.name:<22} {each.value:<10.4g} {each.shown_unit:<6} {limits or each.note}"
+    words = each.remark
+    if each.interval is not None:
+        half = "" if each.half_percent is None else f", ± {each.half_percent:.0f} %"
+        limits = f"{each.interval[0]:.4g} to {each.interval[1]:.4g}{half}"
+        words = f"{limits}, {words}" if words else limits
+    return f"  {each.name:<22} {each.value:<10.4g} {each.shown_unit:<6} {words}"

@@ -72,7 +72,7 @@ half-width of an interval, as a share of the value: the bias by smoothing of lab
 to what steady sliding leaves. Bristles may be stiffer
 by the last factor, because smoothing spreads a reversal over more travel."""
 UNSEEN = "steady sliding of condition {} does not show it"
-COARSE = "bristles bend by {:.2g} m, less than the position's step of {:.2g} m; record a finer position"
+COARSE = "bristles may bend by {:.2g} m only, less than the position's step of {:.2g} m; record a finer position"
 BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa")
 """Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 LARGE = 0.25
@@ -283,14 +283,24 @@ class ModelSearch:
         seen = any("static_n" not in each.unknown for each in curves)
         unseen = "" if seen else UNSEEN.format(" or ".join(sorted(conditions)))
         why_not = dict.fromkeys(SLOW_PARAMETERS, unseen) | dict.fromkeys(BENT_BY_A_LOSS, loss)
-        bent_m = found.parameters.value("coulomb_n") / found.parameters.value("bristle_stiffness_n_m")
-        why_not["bristle_stiffness_n_m"] = COARSE.format(bent_m, self.step_m) if bent_m < self.step_m else ""
+        stiffest_n_m = intervals["bristle_stiffness_n_m"][1]
+        why_not["bristle_stiffness_n_m"] = too_coarse(found.parameters.value("coulomb_n"), stiffest_n_m, self.step_m)
         lines_n = lines_uncertain_n(recordings[0], self.run.cylinder, np.ones(1))
         oil = OilTemperature.of(recordings)
         why_not["viscous_n_s_m"] = loss or no_viscous_seen(intervals["viscous_n_s_m"], lines_n, oil)
         parameters = determined(model, found, zeros, why_not, oil)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found, oil)
+
+
+def too_coarse(coulomb_n: float, stiffest_n_m: float, step_m: float) -> str:
+    """State it if bristles may bend less than a step of the position; else empty.
+
+    ``stiffest_n_m`` is the upper end of the stiffness's interval: a coarse position makes bristles
+    seem soft.
+    """
+    bent_m = coulomb_n / stiffest_n_m
+    return COARSE.format(bent_m, step_m) if bent_m < step_m else ""
 
 
 def simpler(models: Sequence[IdentifiedModel], simulated: Sequence[tuple[Recording, Mapping[str, Array]]]) -> str:

@@ -11,6 +11,7 @@ from cylinder_friction.estimation.identified_model import (
     FrictionModels,
     IdentifiedCurve,
     IdentifiedParameter,
+    half_percent,
 )
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table, offset_table
@@ -112,13 +113,14 @@ def _point_table(each: IdentifiedCurve) -> Table:
             f"{MM_PER_M * point.velocity_m_s:.3g}",
             four_digits(point.friction_n),
             "–" if point.known_half_width_n is None else four_digits(point.half_width_n),
+            _percent(half_percent(point)),
             f"{four_digits(point.lower_quartile_n)} to {four_digits(point.upper_quartile_n)}",
             str(point.strokes),
             str(point.rows),
         )
         for point in each.points
     ]
-    return Table(("velocity [mm/s]", "friction [N]", "± [N]", "quartiles [N]", "strokes", "rows"), rows)
+    return Table(("velocity [mm/s]", "friction [N]", "± [N]", "± [%]", "quartiles [N]", "strokes", "rows"), rows)
 
 
 def _parameter_table(parameters: Sequence[IdentifiedParameter]) -> Table:
@@ -126,8 +128,14 @@ def _parameter_table(parameters: Sequence[IdentifiedParameter]) -> Table:
     for each in parameters:
         value = Cell("–", style="none") if each.value is None else four_digits(each.value)
         interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
-        rows.append([Cell(each.meaning, small=each.symbol), value, interval, each.shown_unit, each.remark])
-    return Table(("parameter", "value", "interval", "unit", "remark"), rows, words=(3, 4), style="stacked")
+        half = _percent(each.half_percent)
+        rows.append([Cell(each.meaning, small=each.symbol), value, interval, half, each.shown_unit, each.remark])
+    columns = ("parameter", "value", "interval", "± [%]", "unit", "remark")
+    return Table(columns, rows, words=(4, 5), style="stacked")
+
+
+def _percent(half: float | None) -> str:
+    return "–" if half is None else f"{half:.0f}"
 
 
 def _error_table(simulated: Sequence[tuple[Recording, Mapping[str, Array]]], titles: Sequence[str]) -> Table:

@@ -76,6 +76,21 @@ WIDEST = 4.0
 """Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
 LEAST_PRESSURE_SPAN = 1.5
 """Least ratio of greatest to least sum of pressures in usable rows. Below it, pressure and preload are inseparable."""
+TOO_WIDE_PERCENT = 50.0
+"""Half the width of an interval, over the value, above which the value is too wide to use."""
+MORE_STROKES = "record more strokes of each speed, in several recordings"
+SLOWER = "record more strokes, several as slow as the piston moves evenly"
+NARROWED_BY = {
+    "static_n": SLOWER,
+    "stribeck_velocity_m_s": SLOWER,
+    "stribeck_exponent": SLOWER,
+    "bristle_stiffness_n_m": "record more reversals, with a finer position",
+    "pressure_slope_n_pa": "record more loads, each as a condition of its own (--names)",
+}
+"""What narrows the interval of a parameter; for the others, ``MORE_STROKES``."""
+STATE_ZEROS = "state how exact the sensors are and whether they are zeroed, or weigh the load"
+STATE_LINES = "state the losses of lines more exactly (line_loss.uncertainty_percent)"
+STATE_LOSS = "state the loss of the line (sensor.line_loss)"
 UNSEPARATED = (
     "strokes do not tell it from dry friction, which changes with speed, pressure and place; record more strokes at "
     "constant speed, slow ones and fast ones, and other loads"
@@ -122,8 +137,19 @@ class IdentifiedParameter:
         return with_unit("", self.unit).strip()
 
     @property
+    def half_percent(self) -> float | None:
+        """Half the width of the interval over the value [%]; None without an interval, or if the value is 0."""
+        if not self.value or self.interval is None:
+            return None
+        return 50.0 * (self.interval[1] - self.interval[0]) / abs(self.value)
+
+    @property
     def remark(self) -> str:
-        return self.note if self.value is not None else f"not determined: {self.note}"
+        if self.value is None:
+            return f"not determined: {self.note}"
+        if self.half_percent is not None and self.half_percent > TOO_WIDE_PERCENT:
+            return f"too wide to use: {NARROWED_BY.get(self.name, MORE_STROKES)}"
+        return self.note
 
 
 @dataclass(frozen=True)
@@ -172,6 +198,7 @@ class IdentifiedCurve:
     why_not: str  # Why there is none
     unknown: Mapping[str, str]  # Why steady sliding does not show parameters of the line, by name
     oil: OilTemperature
+    too_wide: str = ""  # How many points are too wide to use, and what would narrow them; else empty
 
     @classmethod
     def through(
@@ -192,7 +219,8 @@ class IdentifiedCurve:
         if loss is not None or math.isinf(zeros.half_n):
             curve, why_not = None, zeros.why_not if loss is None else loss.unknown_viscous
         lines_n = lines_uncertain_n(recordings[0], cylinder, np.array([point.velocity_m_s for point in points]))
-        own, unknown = list[StribeckPoint](), dict.fromkeys(SLOW_PARAMETERS if slow else (), slow)
+        own, wide = list[StribeckPoint](), list[int]()
+        unknown = dict.fromkeys(SLOW_PARAMETERS if slow else (), slow)
         oil = OilTemperature.of(recordings)
         if curve is not None:
             interval = steady_intervals(recordings, cylinder, CONFIDENCE)["viscous_n_s_m"]
@@ -203,8 +231,15 @@ class IdentifiedCurve:
             half_n = math.hypot(each.half_width_n, zeros.half_n, line_n)
             half_n = max(half_n, line_n + NINE_OF_TEN * math.hypot(each.half_width_n, zeros.half_n))
             own.append(replace(each, half_width_n=half_n + lost_n))
+            if (half_percent(own[-1]) or 0.0) > TOO_WIDE_PERCENT:
+                parts_n = each.half_width_n, zeros.half_n, line_n, lost_n
+                wide.append(int(np.argmax(parts_n)))
+        advice = MORE_STROKES, STATE_ZEROS, STATE_LINES, STATE_LOSS
+        named = [advice[place] for place in sorted(set(wide))]
+        too_wide = f"± more than {TOO_WIDE_PERCENT:g} % in {len(wide)} of {counted(len(own), 'point')}, too wide to use"
+        too_wide = f"{too_wide}: {'; '.join(named)}" if wide else ""
         names = tuple(each.name for each in recordings)
-        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, unknown, oil)
+        return cls(recordings[0].metadata.condition, names, tuple(own), curve, zeros, why_not, unknown, oil, too_wide)
 
     @property
     def reasons(self) -> str:
@@ -217,9 +252,18 @@ class IdentifiedCurve:
         The curve's numbers draw its line, but for the parts that steady sliding does not show.
         """
         curve = None if self.curve is None else asdict(self.curve) | dict.fromkeys(self.unknown)
-        points = [{**asdict(point), "half_width_n": point.known_half_width_n} for point in self.points]
+        points = [
+            {**asdict(point), "half_width_n": point.known_half_width_n, "half_width_percent": half_percent(point)}
+            for point in self.points
+        ]
         about = {"recordings": list(self.recordings), "oil_temperature_c": self.oil.range_c}
-        return {**about, "points": points, "curve": curve, "why_not": self.reasons}
+        return {**about, "points": points, "too_wide": self.too_wide, "curve": curve, "why_not": self.reasons}
+
+
+def half_percent(point: StribeckPoint) -> float | None:
+    """Compute half the width of a point's interval over its friction [%]; None if it is unknown."""
+    half_n = point.known_half_width_n
+    return None if half_n is None else 100.0 * half_n / max(abs(point.friction_n), 1e-9)
 
 
 def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
@@ -291,7 +335,11 @@ class IdentifiedModel:
             "velocity": self.found.velocity,
             "mean_absolute_error_n": self.found.error_n,
             "error_percent": self.found.error_percent,
-            "parameters": {each.name: {k: v for k, v in vars(each).items() if k != "name"} for each in self.parameters},
+            "parameters": {
+                each.name: {k: v for k, v in vars(each).items() if k != "name"}
+                | {"half_percent": each.half_percent, "note": each.note if each.value is None else each.remark}
+                for each in self.parameters
+            },
         }
 
 
@@ -409,7 +457,7 @@ def _comments(model: IdentifiedModel, cylinder: Cylinder) -> list[str]:
 
 def _words(each: IdentifiedParameter) -> str:
     known = each.interval and "{:g} % interval {:.4g} to {:.4g}".format(100.0 * CONFIDENCE, *each.interval)
-    return f"{each.symbol}, {each.meaning}; {known or each.remark}"
+    return f"{each.symbol}, {each.meaning}; {'; '.join(filter(None, (known, each.remark)))}"
 
 
 def _modelica_text(text: str) -> str:

@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
+from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import direction_of_motion, steady_rows, stroke_pieces
 from cylinder_friction.signals.smooth_signals import has_pressures
@@ -28,6 +28,8 @@ SETTLING_S, PIECE_S = 0.2, 0.1
 LEAST_S, LEAST_CELLS, MOST_ALONE = 1.0, 3, 1.5
 """Least sliding [s] and cells shared with another recording for a difference to be stated, and the limit of how
 unevenly the sliding is spread over the cells."""
+CONFIDENCE = 0.95
+"""Probability that the intervals of all recordings hold if friction is the same in all of them."""
 FACTORS = {"pressures": ("pressure_bar",), "speed": ("speed_mm_s",), "direction": ("direction",)}
 
 
@@ -48,7 +50,7 @@ class Difference:
     """Difference of a recording's friction from that of the others in the cells that they share."""
 
     newtons: float
-    half_width_n: float  # Half its interval (k = 2), from the scatter between cells
+    half_width_n: float  # Half its interval, from the scatter between cells; infinite with too few
     seconds: float  # Duration of sliding in these cells
 
     @property
@@ -164,6 +166,8 @@ class _Cells:
 
     def beside(self, name: str) -> Difference | None:
         """Compute the difference from the median of the others, weighted by shared sliding; None if they share none."""
+        from scipy.special import stdtrit  # slow to import
+
         off_n, own_s, shared_s = [], [], []
         for cell, (newtons, seconds) in self.of_each[name].items():
             others = len(self.friction_n[cell]) - 1
@@ -181,7 +185,9 @@ class _Cells:
         count = 1.0 / float((weights**2).sum())  # effective number of cells
         half_n = math.inf
         if len(off_n) >= LEAST_CELLS and count > MOST_ALONE:
-            half_n = COVERAGE_FACTOR * math.sqrt(float(weights @ (np.array(off_n) - total_n) ** 2) / (count - 1.0))
+            outside = 0.5 * (1.0 - CONFIDENCE) / len(self.of_each)  # each recording may be the one that differs
+            quantile = float(stdtrit(count - 1.0, 1.0 - outside))
+            half_n = quantile * math.sqrt(float(weights @ (np.array(off_n) - total_n) ** 2) / (count - 1.0))
         return Difference(total_n, half_n, sum(own_s))
 
 

@@ -366,6 +366,6 @@ def _doubt(model: OffsetModel, plan: OffsetPlan) -> str:
         return ""
     return (
         f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "
-        f"{100.0 * plan.asymmetry:.0f} % is expected: it may differ in another way in each session; or a load is "
-        "not as stated, a line loses pressure or zeros are worse than stated, and then bounds are too narrow"
+        f"{100.0 * plan.asymmetry:.0f} % is expected; bounds hold friction that is so asymmetric, but do not allow for "
+        "a load that is not as stated, a line that loses pressure, or zeros worse than stated"
     )

@@ -165,13 +165,17 @@ def test_a_load_cell_whose_noise_ceases_for_a_long_travel_is_stuck(noise_n: floa
         assert finding.text.endswith("; the load cell or its amplifier was stuck; cut the log there")
 
 
-def test_what_is_noted_goes_with_the_recording() -> None:
+@pytest.mark.parametrize(
+    ("load_n", "words"),
+    [
+        (0.0, "at 0 N); the load cell is idle, stuck or not connected"),
+        (4218.0, "at 4218 N); right for a constant weight; a load cell would be stuck, as its noise is missing"),
+    ],
+)
+def test_a_constant_load_is_noted_with_the_recording(load_n: float, words: str) -> None:
     metadata = replace(METADATA, repairs=("a gap was bridged",))
-    recording = check(forced().assign(load_force_n=0.0), replace(LIMITS, load="measured"), metadata)
-    assert recording.metadata.repairs == (
-        "a gap was bridged",
-        "load_force_n is constant (at 0 N); the load cell is idle, stuck or not connected",
-    )
+    recording = check(forced().assign(load_force_n=load_n), replace(LIMITS, load="measured"), metadata)
+    assert recording.metadata.repairs[:2] == ("a gap was bridged", f"load_force_n is constant ({words}")
 
 
 @given(

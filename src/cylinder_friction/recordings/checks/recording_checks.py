@@ -281,8 +281,10 @@ def _alive(name: str, kind: str, seen: _Survey, limits: CheckLimits) -> Iterator
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
     """Check that a load cell changes. A constant load is only noted, but a cell whose noise stops is refused."""
     if seen.span == 0.0:
-        text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
-        yield Finding("load_alive", "noted", text)
+        why = "the load cell is idle, stuck or not connected"
+        if seen.highest != 0.0:
+            why = "right for a constant weight; a load cell would be stuck, as its noise is missing"
+        yield Finding("load_alive", "noted", f"load_force_n is constant (at {seen.highest:.4g} N); {why}")
     elif np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * (len(load_n) - (seen.stuck_to - seen.stuck_from)):
         remedy = ", and changes from row to row elsewhere; the load cell or its amplifier was stuck; cut the log there"
         yield from seen.stuck(LOAD_FORCE, "load_stuck", "N", limits.cylinder.stroke_m, remedy)
