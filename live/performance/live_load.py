@@ -52,7 +52,11 @@ def main() -> None:
     samples = samples[: len(samples) // rows * rows]
     frames = int(given.seconds / (1e-3 * given.frame_ms))
     cores = sorted(os.sched_getaffinity(0))
-    with tempfile.TemporaryDirectory() as folder, running(given.model, Path(folder), PORT, cores=cores[:1]) as service:
+    settings = {"limits": {"sessions_per_user": given.sessions}}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(given.model, Path(folder), PORT, settings, cores[:1]) as service,
+    ):
         os.sched_setaffinity(0, cores[1:] or cores)
         asyncio.run(load(given, estimator, samples, rows, frames, psutil.Process(service.pid)))
 

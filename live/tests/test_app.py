@@ -7,12 +7,14 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -70,6 +72,26 @@ def test_kills_lose_nothing(
     assert history["index"].tolist() == list(range(len(samples)))
     np.testing.assert_array_equal(history[["friction_n", "lower_n", "upper_n"]], newtons)
     np.testing.assert_array_equal(history["flags"], flags)
+
+
+def readiness(port: int) -> tuple[int, dict[str, Any]]:
+    """Status and body of ``/readyz``."""
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz") as reply:
+            return int(reply.status), json.loads(reply.read())
+    except urllib.error.HTTPError as error:
+        return error.code, json.loads(error.read())
+
+
+@pytest.mark.parametrize("full", ["connections", "sessions"])
+def test_a_service_that_takes_nobody_more_is_not_ready(served: Callable[..., str], full: str) -> None:
+    port = int(served(limits=replace(PATIENT, **{full: 1})).split(":")[1])
+    with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005):
+        status, body = readiness(port)
+    assert (status, body["ready"]) == (503, False)
+    assert body["full"] in ("1 clients are connected", "1 sessions are open, all that are taken")
+    while readiness(port)[0] != 200:
+        time.sleep(0.01)
 
 
 @contextmanager

@@ -84,13 +84,38 @@ def test_one_client_too_many_is_sent_away_until_another_leaves(service: LiveServ
         await first
         await Connection(third, service, peers).run()
         assert peers.refused["connections"] == 1
-        assert peers.connections == 0
+        assert len(peers.connected) == 0
         return second, third
 
     second, third = asyncio.run(scenario())
     assert errors(second) == ["1 clients are connected, all that are taken; try later"]
     assert json.loads(second.got[0])["retry_after_s"] > 0.0
     assert errors(third) == [""]
+
+
+def test_limits_of_one_user_and_of_one_connection_leave_room_for_others(service: LiveService) -> None:
+    service.limits = LiveLimits(connections_per_user=2, sessions_per_user=3, sessions_per_connection=2)
+    peers = Peers()
+
+    async def scenario() -> list[Wire]:
+        wires = [Wire(*map(opening, names), stays=True) for names in ("abc", "de", "f", "gh")]
+        users = ("one", "one", "one", "other")
+        running = [
+            asyncio.create_task(Connection(wire, service, peers, user=user).run())
+            for wire, user in zip(wires, users, strict=True)
+        ]
+        await asyncio.sleep(0.1)
+        for wire in wires:
+            wire.leaving.set()
+        await asyncio.gather(*running)
+        return wires
+
+    one, second, third, other = asyncio.run(scenario())
+    assert errors(one)[:2] == ["", ""]
+    assert "'c': this connection has 2 sessions, all that one may have" in errors(one)[2]
+    assert errors(second) == ["", "session 'e': this user has 3 sessions, all that one may have; try later"]
+    assert errors(third) == ["2 clients of this user are connected, all that are taken; try later"]
+    assert errors(other) == ["", ""]
 
 
 def test_under_load_long_json_and_new_sessions_are_refused(service: LiveService, samples: Array) -> None:

@@ -4,18 +4,21 @@ import asyncio
 import json
 import signal
 import sqlite3
+import urllib.request
 from contextlib import closing
 from dataclasses import asdict
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from paho.mqtt.client import Client as PahoClient
 from websockets.asyncio.client import ClientConnection, connect
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction_live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
-from live_process import PATIENT
+from live_process import PATIENT, Mosquitto, by_hand, needs_broker
 from live_service import running
 from test_connection import opening
 
@@ -66,15 +69,63 @@ class Line:
         return newtons
 
 
-async def all_stepped(port: int, samples: Array, first: int, count: int) -> tuple[dict[str, bytes], dict[str, str]]:
+async def all_stepped(
+    port: int, samples: Array, first: int, count: int, token: str = ""
+) -> tuple[dict[str, bytes], dict[str, str]]:
     """Step the sessions of all connections; return their newtons, and why some began anew."""
-    sockets = [await connect(f"ws://127.0.0.1:{port}/stream", max_size=None) for _ in range(CONNECTIONS)]
+    url, headers = f"ws://127.0.0.1:{port}/stream", {"Authorization": f"Bearer {token}"}
+    sockets = [await connect(url, max_size=None, additional_headers=headers) for _ in range(CONNECTIONS)]
     lines = [Line(place, socket) for place, socket in enumerate(sockets)]
     parts = await asyncio.gather(*(line.stepped(samples, first, count) for line in lines))
     for socket in sockets:
         await socket.close()
     newtons = {name: part for of_line in parts for name, part in of_line.items()}
     return newtons, {name: why for line in lines for name, why in line.begun_anew.items()}
+
+
+async def opened_and_left(port: int, names: list[str], token: str) -> list[str]:
+    """Open sessions over connections that then leave; return the replies."""
+    replies, url = [], f"ws://127.0.0.1:{port}/stream"
+    for begin in range(0, len(names), 200):
+        async with connect(url, additional_headers={"Authorization": f"Bearer {token}"}) as socket:
+            for name in names[begin : begin + 200]:
+                await socket.send(opening(name))
+                replies.append(str(await socket.recv()))
+    return replies
+
+
+@needs_broker
+@pytest.mark.extended
+def test_floods_of_names_cost_no_other_anything(
+    newtons: Array, samples: Array, model: Path, tmp_path: Path, broker: Mosquitto
+) -> None:
+    """3,000 names over one MQTT peer, and a client that opens 1,500 sessions and leaves."""
+    port, tokens = free_port(), tmp_path / "tokens"
+    users = ("plant", "flood", "newcomer")
+    tokens.write_text("".join(f"{sha256(user.encode()).hexdigest()} write\n" for user in users), "ascii")
+    settings = {
+        "limits": asdict(PATIENT) | {"sessions": 1200},  # 500, as many by MQTT, and 200 that come and leave
+        "access": {"tokens": str(tokens)},
+        "mqtt": {"broker": {"port": broker.port}},
+    }
+
+    async def all_at_once(client: PahoClient) -> tuple[dict[str, bytes], list[str]]:
+        for place in range(3000):
+            client.publish(f"cylinder-friction/name{place}/in", opening(f"name {place}"), qos=1)
+        left = [f"left {place}" for place in range(1500)]
+        (parts, _), replies = await asyncio.gather(
+            all_stepped(port, samples, 0, 400, "plant"), opened_and_left(port, left, "flood")
+        )
+        return parts, [*replies, *await opened_and_left(port, ["new 1", "new 2"], "newcomer")]
+
+    with running(model, tmp_path / "live", port, settings), by_hand(broker, "cylinder-friction/state") as (client, got):
+        assert b"true" in got.get(timeout=60.0)[1]
+        parts, replies = asyncio.run(all_at_once(client))
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz") as reply:
+            assert json.loads(reply.read())["ready"]
+    assert len(parts) == CONNECTIONS * EACH
+    assert set(parts.values()) == {newtons[:400].tobytes()}
+    assert all("opened" in reply for reply in replies)
 
 
 @pytest.mark.extended

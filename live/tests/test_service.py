@@ -17,7 +17,7 @@ from cylinder_friction_live.engine_building import built_engine
 from cylinder_friction_live.frames import EstimateBlock, SampleBlock
 from cylinder_friction_live.history import join_past_days, move_into_history
 from cylinder_friction_live.journal import Journal, JournalError
-from cylinder_friction_live.service import LiveError, LiveService, LiveSession
+from cylinder_friction_live.service import BusyError, LiveError, LiveService, LiveSession
 from cylinder_friction_live.settings import LiveLimits
 
 DAY_S = 86400.0
@@ -244,11 +244,27 @@ def test_what_the_model_is_not_made_for_is_refused(
         service.open(name, inputs or service.engine.inputs, sample_time_s or service.engine.sample_time_s)
 
 
-def test_one_session_too_many_and_a_wrong_block_are_refused(service: LiveService, samples: Array) -> None:
-    service.limits = LiveLimits(sessions=1)
+def test_sessions_that_no_client_has_give_way_once_they_are_kept(
+    service: LiveService, newtons: Array, samples: Array
+) -> None:
+    service.limits, kept = LiveLimits(sessions=2), Kept()
+    service.takers.append(kept)
+    for name in ("first", "second"):
+        service.receive(blocks(opened(service, name), samples, 0, 100))
+    with pytest.raises(BusyError, match="'third': 2 sessions are open, all that are taken; try later"):
+        opened(service, "third")  # the journal does not hold the others yet
+    assert service.full != ""
+    service.keep()
+    assert service.full == ""
+    opened(service, "third")
+    assert set(service.sessions) == {"second", "third"}
+    service.receive(blocks(opened(service, "first"), samples, 100, 200))
+    assert set(service.sessions) == {"third", "first"}
+    np.testing.assert_array_equal(kept.array("first")[:, :3], newtons[:200])
+
+
+def test_a_wrong_block_is_refused(service: LiveService, samples: Array) -> None:
     session = opened(service, "one")
-    with pytest.raises(LiveError, match="1 sessions are open, all that are taken"):
-        opened(service, "two")
     good = blocks(session, samples, 0, 7)
     for wrong, words in (
         (SampleBlock(99, 0, 0.0, samples[:2]), "handle 99: no open session has it"),

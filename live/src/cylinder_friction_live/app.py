@@ -60,7 +60,7 @@ def create_app(
         await peers.sent(LAST_WORD_S)
 
     async def stream(socket: WebSocket) -> None:
-        connection = Connection(WebSocketTransport(socket), service, peers, client_of(socket))
+        connection = Connection(WebSocketTransport(socket), service, peers, client_of(socket), guard.user_of(socket))
         socket.scope["extensions"][ANSWERING]["protocol"].answer = connection.answer
         await guard.serve(socket, "write", connection.run)
 
@@ -69,10 +69,12 @@ def create_app(
 
     async def readyz(_: Request) -> Response:
         well = not service.keeps_not_because and not service.ended_jobs
-        ready = service.loop_lag_s < 1.0 and well and not peers.draining
+        full = peers.full(service.limits) or service.full
+        ready = service.loop_lag_s < 1.0 and well and not peers.draining and not full
         body = {
             "ready": ready,
             "ending": peers.draining,
+            "full": full,
             "not_kept": service.keeps_not_because,
             "ended_jobs": service.ended_jobs,
             "tokens": "" if guard.tokens is None else guard.tokens.problem,

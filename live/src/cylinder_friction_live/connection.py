@@ -21,6 +21,7 @@ from cylinder_friction_live.frames import (
 )
 from cylinder_friction_live.groups import SessionGroups
 from cylinder_friction_live.service import BusyError, LiveError, LiveService, LiveSession
+from cylinder_friction_live.settings import LiveLimits
 from cylinder_friction_live.text_forms import estimates_text, opened_text, read_text
 from cylinder_friction_live.totals import Delays
 
@@ -60,18 +61,26 @@ class Peers:
         self.draining, self.keeping = False, asyncio.Lock()
         self.refused: Counter[str] = Counter()
         self.delays = Delays()
-        self.connections = 0
-        self._connected: set[Connection] = set()
+        self.connected: set[Connection] = set()
 
-    def enter(self, connection: "Connection") -> None:
-        """Register a new connection."""
-        self._connected.add(connection)
-        self.connections += 1
+    def full(self, limits: LiveLimits) -> str:
+        """Why no client can connect; empty if one can."""
+        return "" if len(self.connected) < limits.connections else f"{len(self.connected)} clients are connected"
+
+    def enter(self, connection: "Connection", limits: LiveLimits) -> str:
+        """Register a new connection, or return why it is refused."""
+        of_user = sum(each.user == connection.user for each in self.connected)
+        problem = self.full(limits)
+        if not problem and of_user >= limits.connections_per_user:
+            problem = f"{of_user} clients of this user are connected"
+        if not problem:
+            self.connected.add(connection)
+        return problem
 
     async def sent(self, within_s: float) -> None:
         """Wait until all messages for clients are sent, at most ``within_s``."""
         deadline_s = time.monotonic() + within_s
-        while any(each.unsent for each in self._connected) and time.monotonic() < deadline_s:
+        while any(each.unsent for each in self.connected) and time.monotonic() < deadline_s:
             await asyncio.sleep(0.01)
 
     def take_over(self, session: LiveSession, connection: "Connection") -> None:
@@ -85,8 +94,7 @@ class Peers:
 
     def leave(self, connection: "Connection", sessions: Iterable[LiveSession]) -> None:
         """Remove a connection that has ended; its sessions stay open."""
-        self._connected.discard(connection)
-        self.connections -= 1
+        self.connected.discard(connection)
         for session in sessions:
             if session.owner is connection:
                 session.settle()
@@ -111,8 +119,10 @@ class Pace:
 class Connection:
     """A client. It opens sessions by text, then sends text or frames, and gets estimates in the same form."""
 
-    def __init__(self, transport: Transport, service: LiveService, peers: Peers, client: str = "") -> None:
-        self.client = client
+    def __init__(
+        self, transport: Transport, service: LiveService, peers: Peers, client: str = "", user: str = ""
+    ) -> None:
+        self.client, self.user = client, user
         self._pace = Pace(service.limits.rows_per_s)
         self._transport, self._service, self._peers = transport, service, peers
         self._frames: list[bytes] = []
@@ -125,14 +135,13 @@ class Connection:
 
     async def run(self) -> None:
         """Serve the client until it disconnects."""
-        if self._peers.connections >= self._service.limits.connections:
+        if problem := self._peers.enter(self, self._service.limits):
             self._peers.refused["connections"] += 1
             self._peers.events.note("connection refused", client=self.client, kind="connections")
-            error = f"{self._peers.connections} clients are connected, all that are taken; try later"
+            error = f"{problem}, all that are taken; try later"
             with suppress(ClientGoneError):
                 await self._transport.send(json.dumps({"error": error, "retry_after_s": RETRY_S}))
             return
-        self._peers.enter(self)
         writer = asyncio.create_task(self._write())
         try:
             while not writer.done():
@@ -236,7 +245,7 @@ class Connection:
             )
         what = read_text(text)
         if what.opens:
-            session = self._service.open(what.session, what.inputs, what.sample_time_s)
+            session = self._service.open(what.session, what.inputs, what.sample_time_s, self)
             event = "session resumed" if session.next_index else "session opened"
             why = {"begins_anew": session.begins_anew} if session.begins_anew else {}
             self._peers.events.note(event, session=session.name, index=session.next_index, client=self.client, **why)

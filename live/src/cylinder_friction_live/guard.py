@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from hashlib import sha256
 from urllib.parse import urlsplit
 
 from starlette.requests import HTTPConnection, Request
@@ -77,6 +78,12 @@ class AccessControl:
                 async with asyncio.timeout(LAST_WORD_S):
                     await socket.send_text(json.dumps({"error": refusal.reason}))
                     await socket.close(4000 + refusal.status, refusal.reason.encode()[:120].decode(errors="ignore"))
+
+    def user_of(self, connection: HTTPConnection) -> str:
+        """Name whom a connection counts for: the hash of its token, or its address if there are no tokens."""
+        if self.tokens is not None:
+            return sha256(token_of(connection)).hexdigest()
+        return "" if connection.client is None else connection.client.host
 
     def refresh(self) -> None:
         """Read the tokens again if their file has changed, and close WebSockets that they no longer admit."""

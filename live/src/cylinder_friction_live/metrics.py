@@ -47,7 +47,7 @@ class _Live(Collector):
         yield GaugeMetricFamily("cylinder_friction_live_kept_age_seconds", age, self._service.kept_age_s)
         for name, value in self._service.load().items():
             yield GaugeMetricFamily(f"cylinder_friction_live_{name}", _GAUGES[name], value)
-        yield GaugeMetricFamily("cylinder_friction_live_connections", "Clients.", self._peers.connections)
+        yield GaugeMetricFamily("cylinder_friction_live_connections", "Clients.", len(self._peers.connected))
         yield GaugeMetricFamily(
             "cylinder_friction_live_loop_lag_seconds", "Worst of the last second.", self._service.loop_lag_s
         )

@@ -44,6 +44,7 @@ class Owner(Protocol):
     """The connection that opened a session last, and gets its estimates."""
 
     client: str
+    user: str
 
     def put_estimates(self, estimates: Iterable[tuple["LiveSession", EstimateBlock]]) -> None:
         """Queue new estimates of its sessions."""
@@ -95,6 +96,18 @@ class LiveSession:
     def next_index(self) -> int:
         """Index of the sample that is stepped next."""
         return self.order.next_index or 0
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the journal holds all of it, so that it can be closed."""
+        if self.unsettled is not None or self._pending or self.handed_over:
+            return False
+        return self.kept_index == self.next_index
+
+    @property
+    def may_give_way(self) -> bool:
+        """Whether no client has it any more, and the journal holds all of it."""
+        return self.owner is None and self.is_kept
 
     @property
     def model(self) -> str:
@@ -206,18 +219,18 @@ class LiveService:
         self.not_in_history: dict[str, str] = {}
         """Why the estimates of a session stay in the journal, by its name."""
 
-    def open(self, name: str, inputs: Sequence[str], sample_time_s: float) -> LiveSession:
+    def open(self, name: str, inputs: Sequence[str], sample_time_s: float, owner: Owner | None = None) -> LiveSession:
         """Open a session: resume it from the journal, or start a new one.
 
         Raises:
-            LiveError: The name is invalid, there are too many sessions, or columns or sample time are not the model's.
-            BusyError: The session is new, and the service is too busy for it.
+            LiveError: The name is invalid, ``owner`` has too many sessions, or columns or sample time are not the
+                model's.
+            BusyError: There are too many sessions, or the session is new and the service is too busy for it.
         """
         self._refuse_other_samples(name, inputs, sample_time_s)
         if name in self.sessions:
             return self.sessions[name]
-        if len(self.sessions) >= self.limits.sessions:
-            raise LiveError(f"session {name!r}: {len(self.sessions)} sessions are open, all that are taken; try later")
+        self._make_room(name, owner)
         saved, begins_anew = self._saved(name)
         if saved is None and not begins_anew and self.loop_lag_s > self.limits.loop_lag_s:
             raise BusyError(
@@ -364,21 +377,42 @@ class LiveService:
 
     def close_idle(self) -> list[str]:
         """Close sessions that are idle and wholly in the journal; return their names."""
-        now_s = self._clock()
-        idle = [
-            each
-            for each in self.sessions.values()
-            if each.unsettled is None
-            and now_s - each.order.last_seen_s > self.limits.idle_s
-            and not each.pending
-            and each.kept_index == each.next_index
-        ]
+        last_s = self._clock() - self.limits.idle_s
+        idle = [each for each in self.sessions.values() if each.is_kept and each.order.last_seen_s < last_s]
         for session in idle:
-            self.engine.remove(session.slot)
-            self._closed_outcomes.update(vars(session.order.counts))
-            del self.sessions[session.name], self.by_handle[session.handle]
-            self._holding.pop(session.handle, None)
+            self._close(session)
         return [session.name for session in idle]
+
+    @property
+    def full(self) -> str:
+        """Why no session can be opened that is not open; empty if one can."""
+        if len(self.sessions) < self.limits.sessions or any(each.may_give_way for each in self.sessions.values()):
+            return ""
+        return f"{len(self.sessions)} sessions are open, all that are taken"
+
+    def _make_room(self, name: str, owner: Owner | None) -> None:
+        """Refuse a session beyond a limit; beyond that of all sessions, one that no client has gives way."""
+        limits, owners = self.limits, [each.owner for each in self.sessions.values() if each.owner is not None]
+        if owner is not None and owners.count(owner) >= limits.sessions_per_connection:
+            raise LiveError(
+                f"session {name!r}: this connection has {limits.sessions_per_connection} sessions, all that one may "
+                "have; open others over another connection"
+            )
+        if owner is not None and sum(each.user == owner.user for each in owners) >= limits.sessions_per_user:
+            raise BusyError(
+                f"session {name!r}: this user has {limits.sessions_per_user} sessions, all that one may have; try later"
+            )
+        if self.full:
+            raise BusyError(f"session {name!r}: {self.full}; try later")
+        if len(self.sessions) >= limits.sessions:
+            left = [each for each in self.sessions.values() if each.may_give_way]
+            self._close(min(left, key=lambda each: each.order.last_seen_s))
+
+    def _close(self, session: LiveSession) -> None:
+        self.engine.remove(session.slot)
+        self._closed_outcomes.update(vars(session.order.counts))
+        del self.sessions[session.name], self.by_handle[session.handle]
+        self._holding.pop(session.handle, None)
 
     def _saved(self, name: str) -> tuple[SavedSession | None, str]:
         """Read a session from the journal, and why it must begin anew; empty if it need not.

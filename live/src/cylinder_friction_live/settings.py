@@ -47,23 +47,29 @@ class LiveLimits:
     """Limits of one service.
 
     Attributes:
-        sessions: Most open sessions.
+        sessions: Most open sessions. Beyond it, sessions that no client has any more give way to new ones.
+        sessions_per_connection: Most sessions of one connection.
+        sessions_per_user: Most sessions of one user: a token, an address if there are no tokens, or all of MQTT.
         unkept_rows: Most rows of all sessions that wait for the journal; above it writers are slowed down.
         idle_s: Time after which an idle session is closed, with its state in the journal [s].
         message_bytes: Largest message of a client.
         text_bytes: Largest message of JSON, which takes a hundred times as long to read as frames.
         connections: Most connected clients, and most connected pages.
+        connections_per_user: Most connected clients of one user.
         rows_per_s: Most samples per second of a connection, up to ten seconds' worth at once; above it the client is
             slowed down.
         loop_lag_s: Delay of the event loop above which new sessions are refused, and known ones are not [s].
     """
 
     sessions: _Count = 1000
+    sessions_per_connection: _Count = 250
+    sessions_per_user: _Count = 500
     unkept_rows: _Count = 2_000_000
     idle_s: _Positive = 600.0
     message_bytes: _Count = 1 << 20
     text_bytes: _Count = 1 << 16
     connections: _Count = 1000
+    connections_per_user: _Count = 500
     rows_per_s: _Positive = 100_000.0
     loop_lag_s: _Positive = 0.25
 

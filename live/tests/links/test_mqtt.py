@@ -17,6 +17,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction_live.client import Client
 from cylinder_friction_live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
+from cylinder_friction_live.links import mqtt
 from cylinder_friction_live.links.mqtt import MqttLink
 from cylinder_friction_live.service import LiveService
 from cylinder_friction_live.settings import BrokerSettings, MqttSettings
@@ -117,7 +118,7 @@ def test_a_kill_loses_nothing(newtons: Array, samples: Array, model: Path, tmp_p
 
 @needs_broker
 def test_no_message_ends_the_link(service: LiveService, newtons: Array, samples: Array, broker: Mosquitto) -> None:
-    service.limits = replace(PATIENT, message_bytes=10_000, sessions=2)
+    service.limits = replace(PATIENT, message_bytes=10_000, connections_per_user=2)
     link = link_to(broker, prefix="plant")
 
     def use() -> None:
@@ -146,6 +147,33 @@ def test_no_message_ends_the_link(service: LiveService, newtons: Array, samples:
 
     served([link], service, use)
     assert link.counts == {"connected": 1, "not open": 2, "too large": 1, "too many clients": 1}
+
+
+@needs_broker
+def test_a_flood_of_names_locks_nobody_out(
+    service: LiveService, newtons: Array, samples: Array, broker: Mosquitto, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not even a client of the same broker that comes after it: clients that are silent give way."""
+    monkeypatch.setattr(mqtt, "SILENT_S", 0.1)
+    service.limits = replace(PATIENT, connections=10, connections_per_user=5)
+    link, port = link_to(broker), free_port()
+
+    def use() -> None:
+        with by_hand(broker, "cylinder-friction/state") as (client, got):
+            assert b"true" in got.get(timeout=60.0)[1]
+            for place in range(50):
+                text = json.dumps({"open": OPEN | {"session": f"flood {place}"}})
+                client.publish(f"cylinder-friction/flood{place}/in", text, qos=1)
+            while link.counts["too many clients"] + link.counts["silent"] < 45:
+                time.sleep(0.01)
+            time.sleep(0.2)
+            for url in (f"ws://127.0.0.1:{port}/stream", f"mqtt://127.0.0.1:{broker.port}/cylinder-friction/late"):
+                with Client(url, f"press by {url[:4]}", 0.005) as late:
+                    late.send(samples[:50])
+                    np.testing.assert_array_equal(late.estimates(60.0)[1], newtons[:50])
+
+    served([link], service, use, port)
+    assert link.counts["silent"] > 0
 
 
 @needs_broker

@@ -32,6 +32,8 @@ from cylinder_friction_live.settings import MqttSettings
 
 AT_ONCE = 20
 """Number of sessions whose results are published before samples have their turn."""
+SILENT_S = 10.0
+"""Time without a message after which a client gives way to a new one if there are too many [s]."""
 _BEYOND = 4
 """Multiple of the size limit up to which messages are refused with a reply; the broker keeps larger ones back."""
 
@@ -42,6 +44,7 @@ class MqttTransport:
     def __init__(self, broker: Broker, topic: str, idle_s: float) -> None:
         self._broker, self._topic, self._idle_s = broker, topic, idle_s
         self.waiting: asyncio.Queue[MQTTMessage] = asyncio.Queue()
+        self.heard_s = time.monotonic()
 
     async def receive(self) -> bytes | str:
         """Wait for the next message; raises ``ClientGoneError`` after a long silence."""
@@ -120,16 +123,17 @@ class MqttLink(Link):
         problem = self._problem(topic, message)
         if not problem:
             self._clients[topic][0].waiting.put_nowait(message)
+            self._clients[topic][0].heard_s = time.monotonic()
             return
         self._broker.done(message)
-        self.counts[problem] += 1
         if problem == "not open":
             if topic in self._advised:
+                self.counts[problem] += 1
                 return  # one reply is enough for many such messages
             if len(self._advised) >= self._service.limits.sessions:
                 self._advised.clear()
             self._advised.add(topic)
-        self._broker.publish(Message(f"{topic}/out", json.dumps({"closed": self._advice(problem)}), qos=1))
+        self._answer(topic, problem)
 
     def _problem(self, topic: str, message: MQTTMessage) -> str:
         """State why a message is refused; empty if its client's connection receives it."""
@@ -139,27 +143,36 @@ class MqttLink(Link):
         if known is None:
             if bytes(message.payload[:1]) != b"{":
                 return "not open"
-            if len(self._clients) >= self._service.limits.sessions:
-                return "too many clients"
+            if len(self._clients) >= self._service.limits.connections_per_user:
+                silent = min(self._clients, key=lambda each: self._clients[each][0].heard_s)
+                if time.monotonic() - self._clients[silent][0].heard_s < SILENT_S:
+                    return "too many clients"
+                self._end(silent)
+                self._answer(silent, "silent")
             self._begin(topic)
         elif known[0].waiting.qsize() >= self._settings.waiting_messages:
             self._end(topic)
             return "overflow"
         return ""
 
+    def _answer(self, topic: str, problem: str) -> None:
+        self.counts[problem] += 1
+        self._broker.publish(Message(f"{topic}/out", json.dumps({"closed": self._advice(problem)}), qos=1))
+
     def _advice(self, problem: str) -> str:
         settings, limits = self._settings, self._service.limits
         return {
             "too large": f"got a message of more than {limits.message_bytes} bytes; send smaller ones",
             "not open": "got frames without an open session; open it first, here or after the service was away",
-            "too many clients": f"got a client more than {limits.sessions}; try later",
+            "too many clients": f"got a client more than {limits.connections_per_user}; try later",
+            "silent": f"got {limits.connections_per_user} clients, and this one was silent; open the session again",
             "overflow": f"got more than {settings.waiting_messages} messages that wait; open the session again, and "
             f"send what is not acknowledged, at most {settings.waiting_messages // 2} messages of it at a time",
         }[problem]
 
     def _begin(self, topic: str) -> None:
         transport = MqttTransport(self._broker, topic, self._service.limits.idle_s)
-        task = asyncio.create_task(Connection(transport, self._service, self._peers).run())
+        task = asyncio.create_task(Connection(transport, self._service, self._peers, topic, self.name).run())
         task.add_done_callback(lambda _: self._forget(topic, task))
         self._clients[topic] = transport, task
         self._advised.discard(topic)
