@@ -183,6 +183,8 @@ def follow(wire: Sequence[tuple[float, bytes]], handles: Sequence[int], expected
         for each in expected:
             each.overdue(now_s)
         blocks = _blocks(message, handles, len(expected[0].stream.inputs))
+        if any(index > max(2**52, (expected[of].next_index or 0) + 2**32) for of, index, _ in blocks or ()):
+            blocks = None
         refused += blocks is None
         for session, index, rows in blocks or ():
             expected[session].receive(index, rows, now_s)

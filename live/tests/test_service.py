@@ -2,6 +2,7 @@
 
 import re
 import sqlite3
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from cylinder_friction_live.frames import EstimateBlock, SampleBlock
 from cylinder_friction_live.history import join_past_days, move_into_history
 from cylinder_friction_live.journal import Journal, JournalError
 from cylinder_friction_live.service import BusyError, LiveError, LiveService, LiveSession
-from cylinder_friction_live.settings import LiveLimits
+from cylinder_friction_live.settings import LiveLimits, SessionRules
 
 DAY_S = 86400.0
 
@@ -271,10 +272,27 @@ def test_a_wrong_block_is_refused(service: LiveService, samples: Array) -> None:
         (SampleBlock(session.handle, 7, 0.0, samples[:2, :1]), "got 1 columns"),
         (SampleBlock(session.handle, 7, 1e300, samples[:2]), "expected seconds since 1970, before the year 2242"),
         (SampleBlock(session.handle, 7, -1.0, samples[:2]), "got time -1.0"),
+        (
+            SampleBlock(session.handle, 2**53 - 1, 0.0, samples[:1]),
+            "leaves no room for later samples; expected at most",
+        ),
     ):
         with pytest.raises(LiveError, match=words):
             service.receive([*good, wrong])
     assert session.next_index == 0
+
+
+def test_whatever_index_is_taken_leaves_room_for_later_samples(service: LiveService, samples: Array) -> None:
+    session = opened(service, "press")
+    service.receive([SampleBlock(session.handle, 2**52, 0.0, samples[:1])])
+    for index in (2**52 + 2, 2**53 - 1):
+        with suppress(LiveError):
+            service.receive([SampleBlock(session.handle, index, 0.0, samples[:1])])
+    session.order.rules = SessionRules(hold_s=1e-9)
+    service.overdue()
+    assert session.next_index == 2**52 + 3
+    service.receive([SampleBlock(session.handle, 2**52 + 3, 0.0, samples[:10])])
+    assert session.next_index == 2**52 + 13
 
 
 def test_a_session_that_cannot_be_written_stops_no_other(service: LiveService, samples: Array, tmp_path: Path) -> None:

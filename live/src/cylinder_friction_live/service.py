@@ -16,7 +16,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import UNKNOWN, unknown_in_words
 from cylinder_friction.signals.noise import times_as_noisy
 from cylinder_friction_live.engine import Engine
-from cylinder_friction_live.frames import LATEST_S, EstimateBlock, SampleBlock
+from cylinder_friction_live.frames import LARGEST_INDEX, LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction_live.history import next_index_of
 from cylinder_friction_live.journal import DamagedSessionError, Journal, LastRow, PendingChunk, SavedSession
 from cylinder_friction_live.noise import ROWS_BETWEEN, NoiseWindow
@@ -27,6 +27,8 @@ from cylinder_friction_live.totals import FlagTotals
 _NAME = re.compile(r"(?=.*\w)[\w.:/ -]{1,80}")
 LONGEST_NAME = 200
 """Most bytes of a session's name as a folder's name, in which a letter of another script takes up to twelve."""
+LARGEST_JUMP = 1 << 32
+"""Most samples that may be missing before one whose index is above half of the largest index."""
 CLOCK_TOLERANCE = 2e-3
 """Share by which the stated sample time may differ from the model's."""
 _log = logging.getLogger(__name__)
@@ -280,7 +282,7 @@ class LiveService:
         """Find the session of a block.
 
         Raises:
-            LiveError: No session has its handle, or its columns are not the model's.
+            LiveError: No session has its handle, its columns are not the model's, or its index or time is too large.
         """
         session = self.by_handle.get(block.handle)
         if session is None:
@@ -288,6 +290,11 @@ class LiveService:
         if block.columns != len(self.engine.inputs):
             raise LiveError(
                 f"session {session.name!r}: got {block.columns} columns; expected {list(self.engine.inputs)}"
+            )
+        if block.index > max(LARGEST_INDEX // 2, session.next_index + LARGEST_JUMP):
+            raise LiveError(
+                f"session {session.name!r}: got index {block.index}, which leaves no room for later samples; expected "
+                f"at most {LARGEST_INDEX // 2}; this session's next index is {session.next_index}"
             )
         if not 0.0 <= block.time_s < LATEST_S:
             raise LiveError(
