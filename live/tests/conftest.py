@@ -16,7 +16,7 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction_live.access import Access
 from cylinder_friction_live.app import create_app
 from cylinder_friction_live.engine import Engine
-from cylinder_friction_live.engine_building import built_engine
+from cylinder_friction_live.engine_building import build_engine
 from cylinder_friction_live.events import Events
 from cylinder_friction_live.journal import Journal
 from cylinder_friction_live.service import LiveService
@@ -28,7 +28,7 @@ pytest_plugins = ("browser", "made_recordings", "small_hybrid")
 
 @pytest.fixture(scope="session")
 def engine(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Engine:
-    return Engine(built_engine(small_hybrid, tmp_path_factory.mktemp("engines")))
+    return Engine(build_engine(small_hybrid, tmp_path_factory.mktemp("engine")))
 
 
 @pytest.fixture(scope="session")

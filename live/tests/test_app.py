@@ -2,6 +2,7 @@
 
 import json
 import re
+import resource
 import signal
 import socket
 import subprocess
@@ -29,6 +30,7 @@ from cylinder_friction.execution.ports import free_port
 from cylinder_friction.files.whole_files import write_json
 from cylinder_friction_live.access import Access
 from cylinder_friction_live.client import Client, LiveClientError
+from cylinder_friction_live.engine_building import engine_of
 from cylinder_friction_live.frames import SampleBlock, pack_samples
 from cylinder_friction_live.history import move_into_history
 from cylinder_friction_live.journal import HISTORY_FOLDER, Journal
@@ -81,6 +83,56 @@ def readiness(port: int) -> tuple[int, dict[str, Any]]:
             return int(reply.status), json.loads(reply.read())
     except urllib.error.HTTPError as error:
         return error.code, json.loads(error.read())
+
+
+def test_a_text_that_is_not_utf8_is_answered_by_a_sentence(
+    served: Callable[..., str], caplog: pytest.LogCaptureFixture
+) -> None:
+    with connect(f"ws://{served()}/stream") as hand:
+        for parts in (b"{\xff\xfe}", [b"{\xc3", b"\x28}"]):
+            hand.send(parts, text=True)
+            assert "expected {" in json.loads(hand.recv(timeout=60.0))["error"]
+        hand.send(json.dumps({"open": OPEN | {"session": "größer"}}))
+        assert json.loads(hand.recv(timeout=60.0))["opened"]["session"] == "größer"
+    assert caplog.records == []
+
+
+FULL_DISK = """
+import os, resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+"""Runs a program none of whose files may grow."""
+
+
+@pytest.mark.parametrize("problem", ["a folder", "a full disk"])
+def test_a_journal_that_cannot_be_written_is_named_in_a_sentence(model: Path, tmp_path: Path, problem: str) -> None:
+    engine_of(model, str(model), tmp_path / "engines")  # so that only the journal is left to be written
+    if problem == "a folder":
+        (tmp_path / JOURNAL_FILE).mkdir()
+    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model), "--port", "0"]
+    limited = [sys.executable, "-c", FULL_DISK] if problem == "a full disk" else []
+    done = subprocess.run([*limited, *command, "--folder", str(tmp_path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert f"{tmp_path / JOURNAL_FILE}: the journal cannot be opened or written (" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="prlimit is Linux's")
+def test_a_disk_that_fills_up_writes_sentences_and_no_traceback(
+    samples: Array, model: Path, tmp_path: Path, port: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with running(model, tmp_path, port) as process:
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1 << 16, 1 << 16))
+        with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
+            client.send(samples[:400])
+            while not (why := readiness(port)[1]["not_kept"]):
+                time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        process.wait(timeout=60.0)
+    written = capfd.readouterr().err
+    assert f"nothing is kept or acknowledged: {why}; tried again each second" in written
+    assert "Traceback" not in written
 
 
 @pytest.mark.parametrize("full", ["connections", "sessions"])

@@ -13,35 +13,45 @@ from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenEr
 from cylinder_friction.estimators import loading
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.files.whole_files import write_json
-from cylinder_friction_live import engine_building
-from cylinder_friction_live.engine import LIBRARY, Engine
-from cylinder_friction_live.engine_building import built_engine, engine_of
+from cylinder_friction_live.engine import DESCRIPTION, LIBRARY, Engine, EngineError
+from cylinder_friction_live.engine_building import build_engine, engine_of
 
 
-def test_an_engine_is_compiled_once(small_hybrid: HybridEstimator, tmp_path: Path) -> None:
-    folder = built_engine(small_hybrid, tmp_path)
-    compiled = (folder / LIBRARY).stat().st_mtime_ns
-    assert built_engine(small_hybrid, tmp_path) == folder
-    assert (folder / LIBRARY).stat().st_mtime_ns == compiled
-    assert [path.name for path in tmp_path.iterdir()] == [folder.name]
-    assert Engine(folder).inputs == small_hybrid.inputs
+def test_an_engine_states_what_its_estimator_takes_and_gives(engine: Engine, small_hybrid: HybridEstimator) -> None:
+    assert engine.inputs == small_hybrid.inputs
     assert small_hybrid.bounds is not None
-    assert Engine(folder).bounds == small_hybrid.bounds.in_words()
+    assert engine.bounds == small_hybrid.bounds.in_words()
 
 
-def test_another_program_compiles_its_own_engine(
-    small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("name", [LIBRARY, DESCRIPTION])
+@pytest.mark.parametrize("damage", [b"", b"\xff{", None])
+def test_a_damaged_engine_is_named_and_compiled_again_once(
+    model: Path, tmp_path: Path, name: str, damage: bytes | None, caplog: pytest.LogCaptureFixture
 ) -> None:
-    before = built_engine(small_hybrid, tmp_path)
-    monkeypatch.setattr(engine_building, "_BATCH", f"{engine_building._BATCH}\n/* changed */\n")
-    assert built_engine(small_hybrid, tmp_path) != before
+    engine_of(model, "", tmp_path)
+    (folder,) = tmp_path.iterdir()
+    path = folder / name
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.unlink()  # the loaded library stays as it is
+    if (name, damage) != (DESCRIPTION, None):
+        path.write_bytes(bytes(content) if damage is None else damage)
+    with pytest.raises(EngineError, match=f"{folder}: holds no engine that can be loaded"):
+        Engine(folder)
+    engine_of(model, "", tmp_path)
+    compiled = path.stat().st_mtime_ns
+    engine_of(model, "", tmp_path)
+    assert path.stat().st_mtime_ns == compiled
+    (record,) = caplog.records
+    assert record.message.startswith(f"{folder}: holds no engine")
+    assert record.message.endswith("; it is compiled again")
 
 
 def test_no_compiler_no_engine(small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
     with pytest.raises(NoCompilerError, match="install gcc or clang"):
-        built_engine(small_hybrid, tmp_path / "engines")
-    assert list((tmp_path / "engines").iterdir()) == []
+        build_engine(small_hybrid, tmp_path / "engine")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_start_compiles_once(small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

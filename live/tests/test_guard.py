@@ -108,6 +108,9 @@ def test_other_names_and_origins_are_refused_also_with_a_token(address: str) -> 
     reason, code = refused(address, "/watch", known | {"Origin": "http://elsewhere.example"})
     assert "only this service's own page" in reason
     assert code == 4403
+    for half in ("[::1", "["):
+        status, body, _ = got(address, "/metrics", known | {"Host": half})
+        assert (status, f"host {half!r}: not a name of this service" in body) == (403, True)
     for host in ("press-pc", "PRESS-PC:5002", "127.0.0.1:5002", "[::1]:5002", "localhost"):
         assert got(address, "/metrics", known | {"Host": host})[0] == 200
 

@@ -14,7 +14,7 @@ import pytest
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction_live.engine import Engine
-from cylinder_friction_live.engine_building import built_engine
+from cylinder_friction_live.engine_building import build_engine
 from cylinder_friction_live.frames import EstimateBlock, SampleBlock
 from cylinder_friction_live.history import join_past_days, move_into_history
 from cylinder_friction_live.journal import Journal, JournalError
@@ -122,7 +122,7 @@ def test_a_restart_with_another_model_lets_sessions_begin_anew_and_states_so(
     before.receive(blocks(opened(before, "press"), samples, 0, 300))
     before.keep()
     before.journal.close()
-    other = Engine(built_engine(other_estimator, tmp_path / "engines"))
+    other = Engine(build_engine(other_estimator, tmp_path / "engines"))
     after = service_of(other, tmp_path, kept)
     session = opened(after, "press")
     words = f"the session was kept by model {engine.model[:12]}, and the service runs {other.model[:12]}"

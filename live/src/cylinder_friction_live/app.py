@@ -109,7 +109,6 @@ def create_app(
             for link in links:
                 await started.enter_async_context(link.running(service, peers))
             yield
-        service.keep()
         move_into_history(service.journal, within_s=LAST_MOVES_S)
         events.close()
 

@@ -1,11 +1,9 @@
 """The compiled step for many sessions, with one call into C for all, checked by the golden trajectory."""
 
 import ctypes
-import platform
 from array import array
 from collections.abc import Sequence
-from functools import cache, partial
-from hashlib import sha256
+from functools import partial
 from itertools import accumulate, pairwise
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
-from cylinder_friction.files.whole_files import read_json
+from cylinder_friction.files.whole_files import hash_of, read_json
 from cylinder_friction_live.frames import FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
 
 NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
@@ -23,20 +21,15 @@ Job = tuple[int, SampleBlock]
 """The slot of a session, and successive samples of it."""
 
 
-@cache
-def processor() -> str:
-    """Describe the processor for which code is compiled: the machine's kind and its instructions."""
-    known = Path("/proc/cpuinfo")
-    lines = known.read_text(encoding="utf-8").splitlines() if known.is_file() else [platform.processor()]
-    able = [line for line in lines if line.startswith(("flags", "Features"))] or lines
-    return sha256(f"{platform.machine()} {able[0]}".encode()).hexdigest()
+class EngineError(OSError):
+    """A folder holds no engine that can be loaded; the message states the folder and the reason."""
 
 
 class Engine:
     """States of many sessions of one model, stepped by its compiled C.
 
     Args:
-        folder: Folder from ``built_engine``.
+        folder: Folder from ``build_engine``.
         called: The model's folder or registered version, for people; empty if unknown.
 
     Attributes:
@@ -49,28 +42,34 @@ class Engine:
         golden_difference_n: Largest deviation from its golden trajectory, once ``check`` has run it [N].
 
     Raises:
-        OSError: The folder holds no engine that this machine can load.
+        EngineError: The folder holds no engine, or a damaged one.
     """
 
     def __init__(self, folder: Path, called: str = "") -> None:
-        described = read_json(folder / DESCRIPTION)
-        if described["processor"] != processor():
-            raise OSError(f"{folder}: compiled for another processor; start the service here with that model")
+        try:
+            self._load(folder)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise EngineError(f"{folder}: holds no engine that can be loaded ({error})") from error
+        self._states: NDArray[np.uint8] = np.zeros((0, self.state_bytes), dtype=np.uint8)
+        self._states_at = 0
+        self._free: list[int] = []
+        self.golden_difference_n: float | None = None
+        self.called = called
+
+    def _load(self, folder: Path) -> None:
+        described, library = read_json(folder / DESCRIPTION), (folder / LIBRARY).resolve()
+        if hash_of(library) != described["library"]:
+            raise ValueError(f"{LIBRARY} is damaged")
         self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
         self.sample_time_s, self.state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
-        loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
+        loaded = ctypes.CDLL(str(library))
         self._batch, self._frames, self._init = (loaded[f"{NAME}_{each}"] for each in ("batch", "frames", "init"))
         self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 6)
         self._frames.argtypes = (*(ctypes.c_void_p, ctypes.c_uint32) * 2, *(ctypes.c_void_p,) * 2)
         self._init.argtypes = (ctypes.c_void_p,)
         self._batch.restype = self._frames.restype = self._init.restype = None
-        self._states: NDArray[np.uint8] = np.zeros((0, self.state_bytes), dtype=np.uint8)
-        self._states_at = 0
-        self._free: list[int] = []
-        self.bounds = str(described.get("bounds", "not stated"))
-        self.pressure_noise_pa = float(described.get("pressure_noise_pa", 0.0))
-        self.golden_difference_n: float | None = None
-        self.called = called
+        self.bounds = str(described["bounds"])
+        self.pressure_noise_pa = float(described["pressure_noise_pa"])
 
     def add(self, saved: bytes | None = None) -> int:
         """Add a fresh session, or one with a state from ``saved``; return its slot."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
-from contextlib import suppress
+import logging
+import platform
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import cylinder_friction
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
-from cylinder_friction.files.whole_files import write_json, write_text
-from cylinder_friction_live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
+from cylinder_friction.files.whole_files import hash_of, whole_folder, write_json, write_text
+from cylinder_friction_live.engine import DESCRIPTION, LIBRARY, NAME, Engine, EngineError
 from cylinder_friction_live.frames import ESTIMATES, HEADER
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
-_BY_ESTIMATOR = "by_estimator"
+_log = logging.getLogger(__name__)
 _PACKAGES = Path(__file__).parent, Path(cylinder_friction.__file__).parent
 
 _BATCH = """\
@@ -79,39 +79,32 @@ void {name}_frames({name}_state *states, uint32_t blocks, const uint32_t *slots,
 """
 
 
-def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
-    """Find the folder below ``engines`` that holds an estimator's engine; compile the engine if it is not there yet.
+def build_engine(estimator: FrictionEstimator, folder: Path) -> Path:
+    """Compile an estimator's engine into a folder, which appears whole or not at all; return the folder.
 
     Args:
         estimator: A fitted estimator with a real-time step.
-        engines: Folder of the engines, one per model, compiler and processor.
+        folder: Folder of the engine; one that exists is replaced.
 
     Raises:
         ValueError: The estimator has no real-time step.
         NoCompilerError: There is no C compiler, or it refused the source.
     """
     # Late, like the estimator below: only the first start with a model needs them, and a restart must be quick
-    from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, compiler_version
+    from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared
     from cylinder_friction.deployment.c_export.export import export_c
 
-    engines.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
-        draft = Path(name) / "engine"
+    with whole_folder(folder) as draft:
         exported = export_c(estimator, draft, NAME)
         noise_pa = 0.0 if estimator.trained_for is None else estimator.trained_for.pressure_noise_pa
         arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
         batch = draft / "batch.c"
         about = {"columns": len(exported.inputs), "header": HEADER.size, "estimates": ESTIMATES}
         write_text(batch, _BATCH.format(name=NAME, arguments=arguments, **about))
-        sources = [path.read_text(encoding="utf-8") for path in (exported.header, exported.source, batch)]
-        made_from = " ".join((*sources, repr(noise_pa), processor(), compiler_version(), *OPTIMISED))
-        folder = engines / sha256(made_from.encode()).hexdigest()[:32]
-        if (folder / DESCRIPTION).is_file():
-            return folder
         compile_shared((exported.source, batch), draft / LIBRARY, ("-std=c99", *OPTIMISED))
         described = {
             "model": exported.model,
-            "processor": processor(),
+            "library": hash_of(draft / LIBRARY),
             "inputs": list(exported.inputs),
             "sample_time_s": estimator.sample_time_s,
             "state_bytes": exported.state_bytes,
@@ -119,8 +112,6 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
             "pressure_noise_pa": noise_pa,
         }
         write_json(draft / DESCRIPTION, described)
-        with suppress(OSError):  # another process was first; it made the same
-            draft.rename(folder)
     return folder
 
 
@@ -128,12 +119,12 @@ def engine_of(estimator: Path, called: str, engines: Path) -> Engine:
     """Open a saved estimator's engine, checked against the golden trajectory that lies beside a registered model.
 
     A start with the same files and the same program finds the compiled engine; it neither loads the estimator nor needs
-    a compiler.
+    a compiler. A damaged engine is compiled again.
 
     Args:
         estimator: Folder of the saved estimator.
         called: The model's folder or registered version, for people.
-        engines: Folder of the engines, one per model, compiler and processor.
+        engines: Folder of the engines, one per model, program and processor.
 
     Raises:
         GoldenError: The engine does not reproduce the trajectory, or a registered model has none.
@@ -143,14 +134,15 @@ def engine_of(estimator: Path, called: str, engines: Path) -> Engine:
     golden = estimator.resolve().with_name(GOLDEN_FILE)
     if called.startswith("models:/") and not golden.is_file():
         raise GoldenError(f"{called}: its golden trajectory, {GOLDEN_FILE}, is not there; register the model again")
-    known = engines / _BY_ESTIMATOR / _key(estimator)
-    folder = engines / (known.read_text(encoding="ascii") if known.is_file() else "unknown")
-    if not (folder / DESCRIPTION).is_file():
+    folder = engines / _key(estimator)
+    try:
+        engine = Engine(folder, called)
+    except EngineError as error:
         from cylinder_friction.estimators.loading import load_estimator
 
-        folder = built_engine(load_estimator(estimator), engines)
-        write_text(known, folder.name)
-    engine = Engine(folder, called)
+        if folder.exists():
+            _log.warning("%s; it is compiled again", error)
+        engine = Engine(build_engine(load_estimator(estimator), folder), called)
     if golden.is_file():
         engine.check(golden)
     return engine
@@ -159,7 +151,15 @@ def engine_of(estimator: Path, called: str, engines: Path) -> Engine:
 def _key(estimator: Path) -> str:
     """Hash what an engine is made from: the estimator's files, the program, the processor."""
     written_ns = max(path.stat().st_mtime_ns for package in _PACKAGES for path in package.rglob("*.py"))
-    hashed = sha256(f"{version('cylinder-friction')} {written_ns} {processor()}".encode())
+    hashed = sha256(f"{version('cylinder-friction')} {written_ns} {_processor()}".encode())
     for path in sorted(path for path in estimator.rglob("*") if path.is_file()):
         hashed.update(f"{path.relative_to(estimator)} {path.stat().st_size} ".encode() + path.read_bytes())
     return hashed.hexdigest()
+
+
+def _processor() -> str:
+    """Describe the processor for which code is compiled: the machine's kind and its instructions."""
+    known = Path("/proc/cpuinfo")
+    lines = known.read_text(encoding="utf-8").splitlines() if known.is_file() else [platform.processor()]
+    able = [line for line in lines if line.startswith(("flags", "Features"))] or lines
+    return f"{platform.machine()} {able[0]}"

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import sys
 from contextlib import suppress
 from datetime import UTC, datetime
 from logging.handlers import RotatingFileHandler
@@ -25,7 +26,7 @@ class _EventFile(RotatingFileHandler):
         """Report once that lines are missing."""
         if not self._said:
             self._said = True
-            _log.exception("%s: nothing is logged", self.baseFilename)
+            _log.error("%s: nothing is logged (%s)", self.baseFilename, sys.exc_info()[1])
 
 
 class Events:

@@ -116,7 +116,10 @@ class AccessControl:
     def _foreign(self, connection: HTTPConnection) -> Refusal | None:
         """Refuse pages of other origins, which a browser would let connect to this service."""
         host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
-        if urlsplit(f"//{host}").hostname not in self._hosts:
+        name = None
+        with suppress(ValueError):  # half of an IPv6 address
+            name = urlsplit(f"//{host}").hostname
+        if name not in self._hosts:
             reason = f"host {host[:80]!r}: not a name of this service; use 127.0.0.1, or list it under access.hosts"
             return Refusal("host", 403, reason)
         if origin is not None and origin.partition("://")[2] != host:

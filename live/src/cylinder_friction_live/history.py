@@ -51,8 +51,8 @@ def move_into_history(journal: Journal, within_s: float = math.inf) -> list[Path
         name = waiting.pop(0)
         try:
             paths += write_session(journal, name, last)
-        except Exception:
-            _log.exception("session %s stays in the journal, not in the history", name)
+        except Exception as error:
+            _log.error("session %s stays in the journal, not in the history: %r", name, error)
             failed.append(name)
     journal.forget(last, but=waiting + failed)
     return paths

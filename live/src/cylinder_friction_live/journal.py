@@ -183,7 +183,7 @@ class Journal:
         path: The file; made if there is none.
 
     Raises:
-        JournalError: The file is of another version.
+        JournalError: The file is of another version, or cannot be opened or written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -191,8 +191,11 @@ class Journal:
         self._turn, self.history = threading.Lock(), path.with_name(HISTORY_FOLDER)
         try:
             self._open(path)
-        except sqlite3.OperationalError:
-            raise
+        except sqlite3.OperationalError as error:
+            raise JournalError(
+                f"{path}: the journal cannot be opened or written ({error}); free its disk, move away what is no "
+                "journal, or give another --folder"
+            ) from error
         except sqlite3.DatabaseError as error:
             aside = path.with_name(time.strftime(f"{path.stem}-damaged-%Y%m%dT%H%M%S{path.suffix}"))
             for end in ("-wal", "-shm", ""):
@@ -303,16 +306,19 @@ class Journal:
     def forget(self, up_to: int, but: Collection[str] = ()) -> None:
         """Remove chunks up to a number that are in the history now, except those of sessions in ``but``.
 
-        A few are removed at a time, so that others can write in between.
+        A few are removed at a time, so that others can write in between. What cannot be removed now can be later.
         """
         (first,) = self._reading.execute("SELECT COALESCE(MIN(id), 1) FROM chunk").fetchone()
-        for begin in range(first, up_to + 1, _FORGOTTEN_AT_ONCE):
-            end = min(up_to + 1, begin + _FORGOTTEN_AT_ONCE)
-            with self._turn:
-                self._writing.execute(
-                    "DELETE FROM chunk WHERE id >= ? AND id < ? AND name NOT IN (SELECT value FROM json_each(?))",
-                    (begin, end, json.dumps(list(but))),
-                )
+        try:
+            for begin in range(first, up_to + 1, _FORGOTTEN_AT_ONCE):
+                end = min(up_to + 1, begin + _FORGOTTEN_AT_ONCE)
+                with self._turn:
+                    self._writing.execute(
+                        "DELETE FROM chunk WHERE id >= ? AND id < ? AND name NOT IN (SELECT value FROM json_each(?))",
+                        (begin, end, json.dumps(list(but))),
+                    )
+        except sqlite3.Error as error:
+            _log.error("the journal keeps what lies in the history too: %s", error)
 
     def with_chunks(self, up_to: int) -> list[str]:
         """List the names of the sessions that have chunks up to a number."""

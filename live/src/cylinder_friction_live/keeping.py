@@ -97,14 +97,11 @@ async def move_each_minute(service: LiveService) -> None:
                 await loop.run_in_executor(behind, write_session, service.journal, name, last)
                 service.not_in_history.pop(name, None)
             except Exception as error:  # other sessions continue after any error
-                _log.exception("session %s stays in the journal, not in the history", name)
+                _log.error("session %s stays in the journal, not in the history: %r", name, error)
                 service.not_in_history[name] = str(error)
                 failed.append(name)
             await asyncio.sleep(max(0.0, begun_s + HISTORY_S / 2 * done / len(names) - time.monotonic()))
-        try:
-            await loop.run_in_executor(behind, service.journal.forget, last, failed)
-        except sqlite3.Error as error:
-            _log.error("the journal keeps what lies in the history too: %s", error)
+        await loop.run_in_executor(behind, service.journal.forget, last, failed)
         today = time.strftime("%F", time.gmtime())
         if today != joined:
             try:

@@ -46,6 +46,12 @@ class AnsweringProtocol(WebSocketsSansIOProtocol):
             self.conn.send_binary(answer)
             self.transport.write(b"".join(self.conn.data_to_send()))
 
+    def send_receive_event_to_app(self) -> None:
+        """Queue a whole message; a text that is not UTF-8 is answered like any other that is no JSON."""
+        if self.curr_msg_data_type == "text":
+            self.frames = [b"".join(self.frames).decode(errors="replace").encode()]
+        super().send_receive_event_to_app()
+
 
 class LiveServer(uvicorn.Server):
     """A server that drains before it closes.
