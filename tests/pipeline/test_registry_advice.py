@@ -42,7 +42,7 @@ def advises(project: Path, asked: str, command: str) -> bool:
 def champion(project: Path) -> str:
     """Check the lineage of the champion; return its version."""
     shown = run_here(project, "cylinder-friction", "lineage", check=False).stdout
-    assert re.search("(all [0-9]+ links hold|broken: git commit)$", shown.strip()), shown
+    assert re.search("(all [0-9]+ links hold for the files at .*|broken: git commit)$", shown.strip()), shown
     return str(client_of(project).get_model_version_by_alias(model_of(project), "champion").version)
 
 

@@ -114,6 +114,17 @@ def test_a_rollback_goes_to_any_version_and_back_and_to_nothing_else(pipeline: P
     assert move_champion(pipeline, NAME).endswith("champion was version 3, is version 1")
 
 
+@pytest.mark.parametrize("to", [None, 1])
+def test_a_version_whose_files_are_gone_does_not_become_champion(pipeline: Path, to: int | None) -> None:
+    register(candidate_in(pipeline), pipeline, measured)
+    other_model(pipeline)
+    register(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline, measured)
+    shutil.rmtree(pipeline / "mlartifacts" / "models" / str(versions(pipeline)[0].source).removeprefix("models:/"))
+    with pytest.raises(TrackingError, match=r"version 1: its files are not at file:.*; restore them from a backup"):
+        move_champion(pipeline, NAME, to)
+    assert (champion(pipeline), "rolled_back" in versions(pipeline)[1].tags) == ("2", False)
+
+
 def test_a_version_waits_for_an_earlier_one_and_then_goes_by_its_outcome(
     pipeline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

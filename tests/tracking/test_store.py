@@ -64,6 +64,8 @@ def test_a_repository_that_was_moved_or_copied_writes_to_no_other_one(
         pass
     artifacts = pipeline.as_uri() + "/mlartifacts"
     assert f"(the repository was moved or copied from {artifacts}); move it away" in str(refused.value)
+    if how is shutil.copytree:
+        assert f"for the files at {artifacts}" in lineage("models:/friction-estimator@champion", there).text()
     new = tmp_path / "new"
     shutil.copytree(there, new, ignore=shutil.ignore_patterns("mlflow.db", "mlartifacts"))
     track(new)
@@ -73,21 +75,29 @@ def test_a_repository_that_was_moved_or_copied_writes_to_no_other_one(
     assert len(list(new.glob("mlartifacts/models/*"))) == 1
 
 
-COMMANDS = (["serve", "--port", "0"], ["lineage"], ["rollback"], ["ui"])
+COMMANDS = (["serve", "--port", "0"], ["lineage"], ["rollback"], ["promote", "1"], ["ui"])
 
 
+@pytest.mark.parametrize("files", [["params.yaml"], ["mlflow.db", "params.yaml"]])
 @pytest.mark.parametrize("command", COMMANDS)
-def test_what_only_reads_makes_no_store(
-    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+def test_what_only_reads_makes_no_store_and_fills_no_empty_file(
+    files: list[str],
+    command: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.chdir(tmp_path)
+    for name in files:
+        (tmp_path / name).touch()
     shutil.copy(Path(__file__).parents[2] / "params.yaml", tmp_path)
     assert main(command) == 1
     error = capfd.readouterr().err
-    assert "mlflow.db: there is no such store; run `dvc repro`, or `cylinder-friction track`" in error
+    assert "mlflow.db: there is no such store, or an empty file; run `dvc repro`, or `cylinder-friction track`" in error
     assert error.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
+    filled = {path.name: path.stat().st_size > 0 for path in tmp_path.iterdir()}
+    assert filled == {name: name == "params.yaml" for name in files}
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,7 @@ class Lineage:
 
     model: str
     links: dict[str, tuple[bool, str]]  # By name: whether the link holds, and what was found
+    place: str = ""  # Where its files lie: a copied store names those of the original; empty if none can be read
 
     @property
     def holds(self) -> bool:
@@ -111,7 +112,7 @@ class Lineage:
         links, width = self.links.items(), max(map(len, self.links))
         lines = [f"  {'ok' if holds else 'BROKEN':<6} {name:<{width}}  {words}" for name, (holds, words) in links]
         broken = ", ".join(name for name, (holds, _) in links if not holds)
-        end = f"broken: {broken}" if broken else f"all {len(self.links)} links hold"
+        end = f"broken: {broken}" if broken else f"all {len(self.links)} links hold for the files at {self.place}"
         return "\n".join(map(printable, [self.model, *lines, end]))
 
 
@@ -131,6 +132,7 @@ def lineage(uri: str, root: Path) -> Lineage:
         model = f"{version.name} version {version.version} ({version.tags.get(REASON, 'no decision')})"
         try:
             folder = download_model(store, version, Path(scratch))
+            place = store.client.get_model_version_download_uri(version.name, version.version)
             (path,) = folder.rglob("lineage.json")
             origin = dict(read_json(path))
         except (TrackingError, OSError, ValueError) as error:  # lost or damaged: nothing states the other links
@@ -148,7 +150,7 @@ def lineage(uri: str, root: Path) -> Lineage:
         links[f"data {name.removeprefix('data/')}"] = _found(root, LOCK_FILE, md5, str)
     own = json_hash(origin["params"])
     links["parameters"] = _found(root, "params.yaml", own, lambda text: json_hash(shaping_params(yaml.safe_load(text))))
-    return Lineage(model, links)
+    return Lineage(model, links, place)
 
 
 def _commit(root: Path, origin: Mapping[str, Any]) -> tuple[bool, str]:

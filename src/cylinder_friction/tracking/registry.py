@@ -230,8 +230,8 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
     The move is permanent: a newer version that was champion gets a tag, and the gate does not promote it again.
 
     Raises:
-        TrackingError: The registry cannot be reached, the model or version does not exist, or there is no previous
-            champion.
+        TrackingError: The registry cannot be reached, the model or version does not exist, its files are missing, or
+            there is no previous champion.
     """
     with open_store(root, create=False) as store:
         found, champion = _versions(store, name), _champion(store, name)
@@ -244,6 +244,8 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
             what = "no previous champion is known" if to is None else f"there is no version {to}"
             way = f"name one of its versions, `cylinder-friction promote VERSION`: {', '.join(map(str, found))}"
             raise TrackingError(f"{name}: {what}; {way}")
+        if lost := _lost_files(store, found[number]):
+            raise TrackingError(f"{name} version {number}: {lost}")
         if champion == number:
             return f"{name} version {number} is the champion already"
         if number < champion:

@@ -70,9 +70,10 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
             MLflow cannot open the store, or MLflow refuses a request of the block.
     """
     uri, root, given = tracking_uri(root), repository_root(root), os.environ.get(_VARIABLE)
-    if uri.startswith("sqlite:") and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
+    file = Path(uri.removeprefix("sqlite:///"))
+    if uri.startswith("sqlite:") and not create and not (file.is_file() and file.stat().st_size):
         way = "run `dvc repro`, or `cylinder-friction track` if the results are there already, in the project's folder"
-        raise TrackingError(f"{uri}: there is no such store; {way}")  # MLflow would make an empty database
+        raise TrackingError(f"{uri}: there is no such store, or an empty file; {way}")  # MLflow would fill it
     with ExitStack() as stack:
         stack.callback(os.environ.update, {_VARIABLE: given} if given else {})
         stack.callback(mlflow.set_tracking_uri, None)  # type: ignore[arg-type]  # "ask the environment"
