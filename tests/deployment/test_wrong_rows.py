@@ -33,6 +33,7 @@ P1, P2, X = SAMPLE_COLUMNS
 ENOUGH = 0.9
 """Share of rows that a line's flag must be set in; the page has the shares of the default hybrid."""
 SAMPLE_TIME_S = 0.005
+ARABIC = {ord("0") + digit: 0x0660 + digit for digit in range(10)}
 Request = tuple[str | bytes, str]
 
 
@@ -242,6 +243,24 @@ def test_booleans_are_numbers_to_mlflow_and_flagged(column: str, model: PyFuncMo
     assert_flagged(column, response, [BOOLEANS[column]])
     status, response = served(model, *at_row_7(rows, X, True))
     assert "INVALID_POSITION" in json.loads(response)["predictions"][7]["flag_names"]
+
+
+@pytest.mark.parametrize("text", [str, "{:_}".format, lambda number: str(number).translate(ARABIC)])
+def test_text_that_python_reads_as_a_number_is_one_to_mlflow(
+    text: Callable[[int], str], model: PyFuncModel, rows: pd.DataFrame
+) -> None:
+    whole = rows.assign(**{P1: rows[P1].round().astype(int)})
+    assert served(model, *split(whole, **{P1: whole[P1].map(text)})) == served(model, *split(whole))
+
+
+def test_rows_without_an_estimate_are_null(model: PyFuncModel, rows: pd.DataFrame) -> None:
+    later = rows.assign(**{P1: np.where(np.arange(len(rows)) < 3, 1e12, rows[P1])})
+    status, response = served(model, *split(later))
+    predictions = json.loads(response)["predictions"]
+    assert status == 200
+    for row, found in enumerate(predictions[:6]):
+        assert ("NOT_READY" in found["flag_names"]) == (row < 3)
+        assert [found[name] is None for name in ("friction_n", "lower_n", "upper_n")] == [row < 3] * 3
 
 
 def assert_flagged(sent: str, response: str | bytes, words: list[str]) -> None:

@@ -106,9 +106,9 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
     Returns:
         ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds
         around it [N]; ``flags``: bits of ``Flag``, and ``flag_names``: their names, with spaces between them; each
-        recording begins with a fresh state. A row flagged ``NOT_READY`` has no estimate: as in every runtime, its
-        friction and bounds are 0. ``in_training_range``: whether this row and all rows of its recording in the second
-        before it lie within the training range widened by 5 %; if not, the friction is an extrapolation. Of an
+        recording begins with a fresh state. A row flagged ``NOT_READY`` has no estimate: its friction and bounds are
+        None (0 in the other runtimes). ``in_training_range``: whether this row and all rows of its recording in the
+        second before it lie within the training range widened by 5 %; if not, the friction is an extrapolation. Of an
         estimator that learns the offset of the sensors' zeros also ``offset_n`` and ``offset_uncertainty_n``: offset in
         friction as learned up to this row, which the next one's friction is free of, and its standard uncertainty [N].
         All have shape ``(n,)``.
@@ -131,7 +131,10 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
         in_range[rows] = _all_within(inside[rows], served.memory)
     different, which = np.unique(flags, return_inverse=True)
     names = np.array([" ".join(Flag.names(value)) for value in different.tolist()], dtype=object)
-    newtons = dict(zip(served.outputs[:3], numbers.T, strict=False))
+    newtons: dict[str, Any] = dict(zip(served.outputs[:3], numbers.T, strict=False))
+    not_ready = flags & Flag.NOT_READY != 0
+    if not_ready.any():  # 0 would look like a certain estimate, and NaN is no JSON
+        newtons = {name: np.where(not_ready, None, values) for name, values in newtons.items()}
     learned = dict(zip(served.outputs[3:], numbers.T[3:], strict=True))
     return {**newtons, "flags": flags, "flag_names": names[which], "in_training_range": in_range, **learned}
 
