@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cylinder_friction_live.access import ROLES
 from cylinder_friction_live.configuration import SHIPPED_FILE, ConfigurationError, LiveParams, load_live_params
 
 
@@ -13,6 +14,7 @@ def test_the_shipped_file_states_every_default() -> None:
     assert load_live_params(SHIPPED_FILE) == LiveParams()
     text = SHIPPED_FILE.read_text(encoding="utf-8")
     assert [name for name in LiveParams.model_fields if f"\n{name}:" not in text] == []
+    assert f"`SHA256 {'|'.join(ROLES)}` per line" in text
 
 
 @pytest.mark.parametrize(

@@ -194,6 +194,22 @@ def test_a_name_that_is_no_text_costs_only_its_own_file(
     assert shown in (out / "friction.html").read_text()
 
 
+def test_pipes_and_links_to_nothing_are_refused_by_name(run: Run, folder: Path) -> None:
+    os.mkfifo(folder / "a.csv")
+    (folder / "b.csv").symlink_to("gone.csv")
+    (folder / "log01.csv").replace(folder.with_name("log01.csv"))
+    (folder / "log01.csv").symlink_to(folder.with_name("log01.csv"))
+    result = run()
+    reasons = {each.file: each.reason for each in result.refused}
+    assert (names(result), list(reasons)) == ([f"log{number:02d}" for number in range(5)], ["a.csv", "b.csv"])
+    assert "is no regular file; copy what comes from it into one" in reasons["a.csv"]
+    assert "No such file" in reasons["b.csv"]
+    folder.with_name("log01.csv").unlink()
+    result = run()
+    assert [each.file for each in result.refused] == ["a.csv", "b.csv", "log01.csv"]
+    assert result.recordings[1].gone == REFUSED
+
+
 def test_a_session_that_gets_another_file_is_identified_again_as_a_whole(run: Run, folder: Path) -> None:
     pattern = r"(?P<session>(?P<condition>log)0)"
     run(names=pattern)

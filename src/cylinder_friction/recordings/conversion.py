@@ -263,7 +263,7 @@ def logged_files(logs: Logs, rows: int | None = None) -> list[LoggedFile]:
     files = []
     for name, path in logs.files.items():
         try:
-            digest = hash_of(path)
+            digest = hash_of(path) if path.is_file() else ""  # opening a pipe would wait for a writer
         except OSError:
             digest = ""
         files.append(LoggedFile(name, path, logs.recipe, digest, rows, tuple(logs.tables.get(name, ()))))

@@ -335,17 +335,20 @@ def _logs(
 
 
 def log_paths(files: Sequence[str | Path]) -> list[Path]:
-    """List the files named by paths, folders and patterns, sorted; raise ``RecordingError`` if one names no file."""
+    """List the files named by paths, folders and patterns, sorted; raise ``RecordingError`` if one names no file.
+
+    Pipes and links to nothing are among them, because whoever reads a file refuses those by name.
+    """
     found: set[Path] = set()
     for file in files:
-        path, problem = Path(file), "is no regular file; copy what comes from it into one"
+        path, problem = Path(file), ""
         named: Iterable[Path] = [path]
         if path.is_dir():
             named, problem = path.rglob("[!.]*"), "is an empty folder; expected logs in it"
         elif not path.exists():
             named = map(Path, glob.glob(str(file), recursive=True))  # noqa: PTH207
             problem = "no such file, and no file matches it as a pattern; correct the path"
-        matching = [each for each in named if each.is_file()]
+        matching = [each for each in named if not each.is_dir()]
         if not matching:
             raise RecordingError(f"{file}: {problem}")
         found.update(matching)
