@@ -8,7 +8,12 @@ import pytest
 from cylinder_friction.commands.cli import main
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction_monitoring.fleet.nightly import FleetHealth
+from cylinder_friction_monitoring.night import _print as print_health
+from cylinder_friction_monitoring.trends.cylinder_line import line_of
+from cylinder_friction_monitoring.trends.verdict import assess
 from fleet_samples import write_fleet, write_session
+from health_rows import sessions
 from packed_pages import unpacked_pane
 
 
@@ -47,6 +52,26 @@ def test_a_registry_that_cannot_be_reached_costs_only_those_whose_model_it_holds
     assert "a: 1 new session\n" in printed
     assert "b: refused: its new logs wait for the next run: http://127.0.0.1" in printed
     assert "<strong>b</strong>: its new logs wait for the next run" in (folder / "health/health.html").read_text()
+
+
+def test_a_late_log_is_printed_once(
+    folder: Path, capsys: pytest.CaptureFixture[str], labelled_recordings: list[Recording]
+) -> None:
+    assert main(["monitor", "logs"]) == 0
+    write_session(folder / "logs/a/2026-01-02.csv", labelled_recordings[1])
+    capsys.readouterr()
+    for _ in range(2):  # on that night and on the following one
+        assert main(["monitor", "logs"]) == 1
+        assert capsys.readouterr().out.count("begins at 2026-01-02") == 1
+
+
+def test_a_fine_cylinder_that_needs_a_look_counts_as_fine(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = sessions(100)
+    line = line_of(assess("press", rows), rows, {}, "", late=1)
+    print_health(FleetHealth(Path("health"), (line,), (), (), (), ()), as_json=False)
+    printed = capsys.readouterr().out
+    assert "fine      press: " in printed
+    assert "fine      1 of 1 cylinders" in printed
 
 
 def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -104,6 +104,7 @@ def _print(health: FleetHealth, as_json: bool) -> None:
     lines += [*health.news, ""]
     shown = [each for each in health.lines if each.answer != "fine" or each.look]
     lines += [f"{each.answer:<10}{each.cylinder}: {each.words}{each.look and f' Look: {each.look}.'}" for each in shown]
-    lines += [f"{'fine':<10}{len(health.lines) - len(shown)} of {len(health.lines)} cylinders"]
+    fine = sum(each.answer == "fine" for each in health.lines)
+    lines += [f"{'fine':<10}{fine} of {len(health.lines)} cylinders"]
     lines += [f"{'ALARM':<10}new: {', '.join(health.new_alarms)}"] if health.new_alarms else []
     print("\n".join([*lines, "", f"page     {health.folder / PAGE_FILE}"]))

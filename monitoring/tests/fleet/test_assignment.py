@@ -1,5 +1,6 @@
 """Each log belongs to one cylinder, by folder, path, table or a field, or is refused with the reason."""
 
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -60,11 +61,13 @@ def test_a_field_of_the_log_states_it(fleet: Fleet, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("Machine: press-2\nt;p1\n0;1\n")
     (tmp_path / "b.csv").write_text("t;p1\n0;1\n")
     rule = Assignment("field", r"Machine:\s*(?P<cylinder>.+)")
-    own, refused = of(fleet, rule, "a.csv", "b.csv", "gone.csv", folder=tmp_path)
+    os.mkfifo(tmp_path / "pipe.csv")
+    own, refused = of(fleet, rule, "a.csv", "b.csv", "gone.csv", "pipe.csv", folder=tmp_path)
     assert own == {"press-2": ["a.csv"]}
     assert refused[0].startswith("b.csv: belongs to no cylinder by the pattern 'Machine")
     assert "in its first 64 KiB" in refused[0]
     assert refused[1].startswith("gone.csv: cannot be read ([Errno 2]")
+    assert refused[2].startswith("pipe.csv: belongs to no cylinder")
 
 
 @pytest.mark.parametrize(

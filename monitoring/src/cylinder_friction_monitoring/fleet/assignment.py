@@ -46,7 +46,7 @@ def _named(name: str, path: Path, rule: Assignment, table: Mapping[str, str], fl
     if rule.by == "table":
         return {table[name]} if name in table else {own for glob, own in table.items() if fnmatchcase(name, glob)}
     text = name
-    if rule.by == "field":
+    if rule.by == "field" and not path.is_fifo():  # opening a pipe would wait for a writer
         with path.open("rb") as file:
             text = file.read(HEAD_BYTES).replace(b"\0", b"").decode("utf-8", errors="replace")
     matches = re.finditer(rule.pattern or "", text)

@@ -67,7 +67,6 @@ class Earlier:
 
     line: CylinderLine
     dimensions: Mapping[str, float]
-    left_out: Mapping[str, str]
     late: Sequence[str]  # Sessions that came too late to be assessed
     proposed: bool  # Whether it proposed retraining
 
@@ -77,7 +76,7 @@ class Earlier:
         line = CylinderLine(**{**about["line"], "trend": Trend(**about["line"]["trend"])})
         model = about["assessment"]["model"] or {}
         dimensions, proposed = asdict(Dimensions(**about["dimensions"])), model.get("proposed", False)
-        return cls(line, dimensions, about["left_out"], about.get("late", ()), proposed)
+        return cls(line, dimensions, about.get("late", ()), proposed)
 
 
 @dataclass(frozen=True)
@@ -186,7 +185,7 @@ class CylinderRun:
         about |= {"assessment": {**found.to_dict(), "trends": bases}}
         write_json(draft / state_file(self.name), about)
         write_text(draft / pane_file(self.name), health_pane(found, placed, entries, left_out, self.owned.about))
-        news = self._news(earlier, kept, rows, left_out, line, found.model)
+        news = self._news(earlier, kept, rows, line, found.model)
         return Known(line, left_out, failed, tuple(news), tuple(damaged))
 
     def _too_late(
@@ -231,7 +230,6 @@ class CylinderRun:
         earlier: Earlier | None,
         kept: Mapping[str, object],
         rows: Mapping[str, object],
-        left_out: Mapping[str, str],
         line: CylinderLine,
         model: ModelBounds | None,
     ) -> list[str]:
@@ -246,8 +244,6 @@ class CylinderRun:
             news.append(f"{len(new)} new {'session' if len(new) == 1 else 'sessions'}")
         if lost := [session for session in kept if session not in rows]:
             news.append(f"sessions that are not there any more: {', '.join(lost)}")
-        stated = earlier.left_out if earlier else {}
-        news += [f"{each} is not assessed: {why}" for each, why in left_out.items() if why != stated.get(each)]
         if model and model.proposed and not (earlier and earlier.proposed):
             news.append(model.words)
         was = earlier.line.answer if earlier else ""
