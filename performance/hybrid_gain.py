@@ -47,9 +47,7 @@ CHOSEN = (
 
 def main() -> None:
     """Print a row per machine."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--model", type=Path, default=Path("models/hybrid"), help="to adapt")
     parser.add_argument("--seed", type=int, default=141)
     parser.add_argument("--worlds", nargs="*", default=CHOSEN, choices=MACHINES, metavar="NAME")
@@ -82,9 +80,7 @@ def row(name: str, source: HybridEstimator, world: World, seed: int) -> str:
     return f"{name:28}{cells}{errors[1] / errors[0]:8.2f}  {written.kind}"
 
 
-def error_percent(
-    model: FrictionEstimator, test: Sequence[Recording], true_n: dict[str, Array]
-) -> float:
+def error_percent(model: FrictionEstimator, test: Sequence[Recording], true_n: dict[str, Array]) -> float:
     """Measure the error against true friction, less each recording's mean error [% of mean friction]."""
     errors, levels = [], []
     for each in test:
