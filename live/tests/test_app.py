@@ -12,6 +12,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from copy import copy
 from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
@@ -28,6 +29,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.files.whole_files import write_json
+from cylinder_friction.recordings.channel_correction import ChannelCorrection
 from cylinder_friction_live.access import Access
 from cylinder_friction_live.client import Client, LiveClientError
 from cylinder_friction_live.engine_building import engine_of
@@ -303,6 +305,33 @@ def test_the_page_shows_a_session(
     assert by_model == f"by {model}"
     assert overflow <= 0
     assert shown == [999, newtons[999, 0]]
+
+
+@pytest.mark.extended
+def test_the_page_shows_readings_with_the_signs_and_offsets_of_the_mapping(
+    small_hybrid: HybridEstimator, samples: Array, newtons: Array, tmp_path: Path, port: int,
+    new_page: Callable[..., Page],
+) -> None:  # fmt: skip
+    mirrored, correction = copy(small_hybrid), ChannelCorrection(-1, 0.25)
+    mirrored.corrections = {"position_m": correction}
+    mirrored.save(tmp_path / "mirrored")
+    readings = samples[:600].copy()
+    readings[:, 2] = correction.readings(readings[:, 2])
+    with (
+        running(tmp_path / "mirrored", tmp_path / "live", port),
+        Client(f"ws://127.0.0.1:{port}/stream", "press 7", 0.005) as client,
+    ):
+        client.send(readings)
+        page = new_page(1400, 800)
+        page.goto(f"http://127.0.0.1:{port}/")
+        page.get_by_text("press 7").click()
+        page.wait_for_function("data.index.length >= 600")
+        shown = np.array(page.evaluate("data.samples"), float)
+        speeds = page.evaluate("velocity()")
+        np.testing.assert_allclose(client.estimates(60.0)[1], newtons[:600], atol=1e-6)
+    np.testing.assert_allclose(shown.T, samples[:600], atol=1e-9)
+    moved_m = samples[310, 2] - samples[290, 2]
+    assert speeds[300] == pytest.approx(moved_m / 0.1)
 
 
 @pytest.mark.extended

@@ -35,6 +35,7 @@ class Engine:
     Attributes:
         model: SHA-256 of all numbers of the step.
         inputs: Columns of a sample.
+        corrections: Sign and offset of the inputs for which the model's mapping states them, for the page.
         bounds: What lies between the bounds, in words.
         pressure_noise_pa: Greatest noise of the pressures at which the bounds hold [Pa]; 0: not stated.
         sample_time_s: Sample time of the model [s].
@@ -68,7 +69,7 @@ class Engine:
         self._frames.argtypes = (*(ctypes.c_void_p, ctypes.c_uint32) * 2, *(ctypes.c_void_p,) * 2)
         self._init.argtypes = (ctypes.c_void_p,)
         self._batch.restype = self._frames.restype = self._init.restype = None
-        self.bounds = str(described["bounds"])
+        self.bounds, self.corrections = str(described["bounds"]), described["corrections"]
         self.pressure_noise_pa = float(described["pressure_noise_pa"])
 
     def add(self, saved: bytes | None = None) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import platform
+from dataclasses import asdict
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -106,6 +107,7 @@ def build_engine(estimator: FrictionEstimator, folder: Path) -> Path:
             "model": exported.model,
             "library": hash_of(draft / LIBRARY),
             "inputs": list(exported.inputs),
+            "corrections": {name: asdict(each) for name, each in estimator.corrections.items()},
             "sample_time_s": estimator.sample_time_s,
             "state_bytes": exported.state_bytes,
             "bounds": "as wide as can be" if estimator.bounds is None else estimator.bounds.in_words(),

@@ -74,7 +74,7 @@ class Watchers:
                 continue
             engine, now_s = self._service.engine, time.time()
             rows = [self._row(each, now_s) for each in self._service.sessions.values()]
-            about = {"sample_time_s": engine.sample_time_s, "inputs": engine.inputs, "bounds": engine.bounds}
+            about = {name: getattr(engine, name) for name in ("sample_time_s", "inputs", "bounds", "corrections")}
             table = json.dumps({"sessions": rows, **about})
             for page in self._pages:
                 if page.sending is None or page.sending.done():

@@ -10,7 +10,8 @@ const inView = new Set(), watcher = new IntersectionObserver((entries) => entrie
 const collator = new Intl.Collator("en", { numeric: true });
 const sparks = new Map(), rows = new Map(), steady = new Map();
 const SORTS = { name: (each) => each.name, friction: (each) => -(each.newtons?.[0] ?? -Infinity), flags: (each) => -each.flags.length, samples: (each) => -each.index, lag: (each) => -(each.lag_s ?? 0) };
-let socket = null, shown = null, frozen = false, plots = null, stribeck = {}, flagNames = [], sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1, cutAt = null;
+let socket = null, shown = null, frozen = false, plots = null, stribeck = {}, flagNames = [], sampleTimeS = 0.005, columns = [0, 1, 2], corrections = [], sort = "name", ordered = "", steadyIndex = -1, cutAt = null;
+const INPUTS = ["pressure_1_pa", "pressure_2_pa", "position_m"];
 const data = { index: [], newtons: [[], [], []], samples: [[], [], []], flags: [] };
 
 function connect() {
@@ -29,7 +30,8 @@ function connect() {
       by("bounds").title = content.bounds;
       cutAt = null;
       document.body.classList.remove("cut");
-      columns = ["pressure_1_pa", "pressure_2_pa", "position_m"].map((name) => content.inputs.indexOf(name));
+      columns = INPUTS.map((name) => content.inputs.indexOf(name));
+      corrections = INPUTS.map((name) => content.corrections[name] ?? { sign: 1, offset: 0 });
       table(content.sessions);
     } else if (content.rows) { if (content.begins) clear(); take(content.rows); text(by("model"), `by ${content.model}`); }
     else if (content.stribeck) { stribeck = content.stribeck; explain(content.flags); }
@@ -212,12 +214,15 @@ function take(part) {
   data.index.push(...part.index);
   data.flags.push(...part.flags);
   for (const row of part.newtons) row.forEach((value, at) => data.newtons[at].push(value));
-  for (const row of part.samples) columns.forEach((column, at) => data.samples[at].push(row[column] ?? null));
+  for (const row of part.samples) columns.forEach((column, at) => data.samples[at].push(corrected(row[column] ?? null, corrections[at])));
   const extra = data.index.length - KEEP_S / sampleTimeS;
   if (extra > 0) for (const column of [data.index, data.flags, ...data.newtons, ...data.samples]) column.splice(0, extra);
   gather();
   if (!frozen) redraw();
 }
+
+/* A reading of a sensor as the model's mapping has it: otherwise friction would stand at velocities of the other sign. */
+function corrected(reading, { sign, offset }) { return reading === null ? null : sign * (reading - offset); }
 
 /* Newtons at steady velocity, by velocity, since the session is shown: the newest of each bin. */
 function gather() {
