@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri, stdtrit
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.realtime.compiled import compiled, compiled_part
+from cylinder_friction.machine_code import compiled, compiled_part
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, SAMPLE_COLUMNS, UNCERTAINTY_COLUMN

@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.realtime.compiled import compiled, compiled_part
+from cylinder_friction.machine_code import compiled, compiled_part
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
 
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")

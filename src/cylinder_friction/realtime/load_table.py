@@ -3,7 +3,7 @@
 import numpy as np
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.realtime.compiled import compiled, compiled_part
+from cylinder_friction.machine_code import compiled, compiled_part
 
 COLUMN, FIRST, PER_METRE, PLACES, NUMBERS = range(5)
 """Places in an axis of a packed load: index of its position in the sample, first position [m], places per metre,

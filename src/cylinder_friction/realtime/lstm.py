@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.realtime.compiled import compiled, compiled_part
+from cylinder_friction.machine_code import compiled, compiled_part
 
 TANH_LIMIT = np.float32(9.0)
 TANH_NUMERATOR = tuple(

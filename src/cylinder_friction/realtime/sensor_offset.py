@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.realtime.compiled import compiled, compiled_part
+from cylinder_friction.machine_code import compiled, compiled_part
 from cylinder_friction.recordings.columns import REFERENCE_C
 
 OWN = 5  # Terms of a session's own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]

@@ -11,8 +11,8 @@ from math import isfinite
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.machine_code import compiled, compiled_part
 from cylinder_friction.realtime.bounds import next_regime
-from cylinder_friction.realtime.compiled import compiled, compiled_part
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.history import history_step
 from cylinder_friction.realtime.load_table import load_at, load_unknown

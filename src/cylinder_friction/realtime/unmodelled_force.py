@@ -20,8 +20,8 @@ from scipy.optimize import minimize_scalar
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.machine_code import compiled_part
 from cylinder_friction.realtime.bounds import CREEP, SLIDING, causal_velocity, regimes_of
-from cylinder_friction.realtime.compiled import compiled_part
 from cylinder_friction.realtime.guard import TRAINED_MARGIN
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURE_1, PRESSURE_2, PRESSURES

@@ -4,10 +4,10 @@ A velocity threshold takes the noise of a potentiometer for motion and misses cr
 up until it pushes the edge of the gap, and noise narrower than the gap never does.
 """
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.machine_code import compiled
 
 CENTRE, DIRECTION, AGE = 0, 1, 2
 """Places in the operator's state."""
@@ -19,7 +19,7 @@ def new_backlash() -> Array:
     return np.array([np.nan, 0.0, np.inf])
 
 
-@numba.njit(cache=True)
+@compiled
 def push(position: float, state: Array, half_width: float, centring: float, elapsed: float) -> bool:
     """Advance the operator by one position; return whether that pushed the gap.
 
@@ -45,7 +45,7 @@ def push(position: float, state: Array, half_width: float, centring: float, elap
     return True
 
 
-@numba.njit(cache=True)
+@compiled
 def pushing_velocity(
     velocity: float, position: float, state: Array, half_width: float, lasting: float, centring: float, elapsed: float
 ) -> float:

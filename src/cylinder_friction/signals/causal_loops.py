@@ -1,15 +1,15 @@
 """The loops over samples of causal filters, in compiled code."""
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.machine_code import compiled
 
 FEW_ROWS = 16
 """Fewer rows than this are filtered row by row: a stream's single step gains nothing from going tap by tap."""
 
 
-@numba.njit(cache=True)
+@compiled
 def fir(taps: Array, padded: Array) -> Array:
     """Compute the outputs of an ``FirFilter``, shape ``(n, m)``, from ``length - 1`` earlier inputs and ``n`` more."""
     outputs, inputs, length = taps.shape
@@ -41,7 +41,7 @@ def fir(taps: Array, padded: Array) -> Array:
     return result
 
 
-@numba.njit(cache=True)
+@compiled
 def low_pass(weight: float, last: Array, inputs: Array) -> Array:
     """Compute the outputs of an ``ExponentialLowPass``, of the inputs' shape; ``last`` becomes the last output."""
     result = np.empty_like(inputs)

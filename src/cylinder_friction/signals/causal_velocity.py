@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.machine_code import compiled
 from cylinder_friction.signals.backlash import new_backlash, pushing_velocity
 from cylinder_friction.signals.causal import FirFilter, FirState, one_sided_savitzky_golay_taps
 
@@ -60,7 +60,7 @@ class VelocityBlock:
         return _gated(smooth, state.backlash, self._plan.backlash_m, self._plan.dead_band_m_s, self._plan.window)
 
 
-@numba.njit(cache=True)
+@compiled
 def _gated(smooth: Array, backlash: Array, half_width: float, dead_band: float, lasting: int) -> Array:
     velocity = np.zeros(smooth.shape[0])
     for row in range(smooth.shape[0]):

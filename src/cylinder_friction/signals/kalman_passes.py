@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.machine_code import compiled
 from cylinder_friction.signals.kalman import KalmanModel
 
 
@@ -58,7 +58,7 @@ def smooth_states(model: KalmanModel, measured: Array) -> Array:
     return states
 
 
-@numba.njit(cache=True)
+@compiled
 def _filter(transition: Array, gains: Array, state: Array, measured: Array) -> tuple[Array, Array]:
     """Compute the predicted and the updated states, shape ``(n, k)``; ``state`` becomes the last one.
 
@@ -80,7 +80,7 @@ def _filter(transition: Array, gains: Array, state: Array, measured: Array) -> t
     return predicted, updated
 
 
-@numba.njit(cache=True)
+@compiled
 def _smooth(gains: Array, predicted: Array, updated: Array) -> Array:
     """Correct the updated states by the measurements of later rows."""
     rows, size = updated.shape

@@ -4,10 +4,10 @@ BLAS picks a kernel by the processor, and each kernel adds in its own order, so 
 differ in their last digits.
 """
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.machine_code import compiled
 
 NEGLIGIBLE = 1e-13
 """A column is a combination of the columns before it if they leave a smaller share of its square than this."""
@@ -25,7 +25,7 @@ def least_squares(rows: Array, target: Array, penalty: float = 0.0) -> Array:
     return solution
 
 
-@numba.njit(cache=True)
+@compiled
 def _normal_equations(rows: Array, target: Array) -> tuple[Array, Array]:
     count = rows.shape[1]
     gram, moment = np.zeros((count, count)), np.zeros(count)
@@ -38,7 +38,7 @@ def _normal_equations(rows: Array, target: Array) -> tuple[Array, Array]:
     return gram, moment
 
 
-@numba.njit(cache=True)
+@compiled
 def _solve(gram: Array, moment: Array) -> Array:
     """Solve by Cholesky factors, which overwrite the lower triangle of ``gram``; ``moment`` becomes the solution."""
     count = gram.shape[0]

@@ -2,10 +2,10 @@
 
 from functools import lru_cache
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.machine_code import compiled
 
 CUT_OFF = 0.45  # Frequency at which half of the amplitude passes, as a share of the lower of the two rates
 STOP_BAND_DB = 70.0
@@ -43,7 +43,7 @@ def _kernel() -> Array:
     return kernel
 
 
-@numba.njit(cache=True)
+@compiled
 def _sinc(values: Array, positions: Array, lower: float, kernel: Array, half_width: float) -> Array:
     """Evaluate the sinc; ``lower`` is the ratio of the lower rate to the rate of ``values``."""
     last = len(values) - 1
