@@ -105,7 +105,7 @@ def test_offsets_of_new_sessions_are_identified_beside_those_of_before(run: Run,
     found = {each.session: each for each in result.offsets}
     assert repr([found[each.session] for each in first.offsets]) == repr(first.offsets)
     assert {found[f"log{number:02d}"].source for number in range(5, 12)} == {"strokes in both directions"}
-    assert "12 sessions together, if friction is as asymmetric in each;" in found["log11"].words
+    assert "12 sessions together, if friction is as asymmetric in each" in found["log11"].words
 
 
 def test_a_file_is_known_by_its_content(run: Run, folder: Path) -> None:

@@ -31,6 +31,7 @@ def sliding(
     only_out: bool = False,
     drive: bool = False,
     uncertainty: Any = None,
+    condition: str = "1",
     **columns: float,
 ) -> Recording:
     """Return a labelled recording of strokes up and down, of known friction and offset."""
@@ -55,7 +56,7 @@ def sliding(
     stated = ({"drive_force_n": SensorUncertainty(12.0, 0.0, zeroed=True)} if drive else PRESSURES) | (
         uncertainty or {}
     )
-    metadata = RecordingMetadata(f"{session}_{seed}", "1", session, STEP_S, cylinder.name, uncertainty=stated)
+    metadata = RecordingMetadata(f"{session}_{seed}", condition, session, STEP_S, cylinder.name, uncertainty=stated)
     return Recording(metadata, pd.DataFrame(table))
 
 
@@ -284,3 +285,47 @@ def test_noise_of_pressures_that_hardly_vary_is_no_asymmetry_that_absorbs_the_of
     found = offset_model(sessions, LIFT).about_mean().sessions
     error_n = np.array([found[each.session].offset_n for each in sessions]) - offsets_n + offsets_n.mean()
     assert np.std(error_n) < 0.1 * np.std(offsets_n)
+
+
+ASYMMETRIES = {"1": 0.090, "2": 0.0535, "3": 0.0475, "4": 0.0225}
+
+
+def by_condition(cylinder: Cylinder, asymmetries: dict[str, float]) -> dict[tuple[str, float], Recording]:
+    """Return six sessions of each condition; keys are condition and exact offset."""
+    offsets_n = 10.0 * np.random.default_rng(6).standard_normal(24)
+    names = [name for name in asymmetries for _ in range(6)]
+    return {
+        (name, offset_n): sliding(
+            cylinder, f"s{number:02d}", offset_n, asymmetry=2.0 * asymmetries[name], condition=name
+        )
+        for number, (name, offset_n) in enumerate(zip(names, offsets_n.tolist(), strict=True))
+    }
+
+
+@pytest.mark.parametrize("asymmetries", [ASYMMETRIES, dict.fromkeys(ASYMMETRIES, 0.05)], ids=["differ", "alike"])
+def test_each_condition_may_have_an_asymmetry_of_its_own(asymmetries: dict[str, float], cylinder: Cylinder) -> None:
+    recordings = by_condition(cylinder, asymmetries)
+    train = [each for place, each in enumerate(recordings.values()) if place % 6 < 4]
+    model = fit_offset_model(train, cylinder)
+    found = model.offsets(recordings.values())
+    off = {key: found[each.metadata.session].offset_n - key[1] for key, each in recordings.items()}
+    mean_n = float(np.mean(list(off.values())))  # looks like the asymmetry that all conditions share
+    for key, each in recordings.items():
+        session = found[each.metadata.session]
+        assert abs(off[key] - mean_n) <= 2.0 * session.relative_uncertainty_n
+    differ = asymmetries is ASYMMETRIES
+    assert (model.condition_sd > 0.03) == differ
+    elsewhere = replace(train[0], metadata=replace(train[0].metadata, condition="5", session="new"))
+    at_home = replace(train[0], metadata=replace(train[0].metadata, session="new"))
+    new, home = (model.identify([each]).relative_uncertainty_n for each in (elsewhere, at_home))
+    assert new > (2.0 if differ else 1.0) * home
+
+
+def test_a_force_in_a_part_of_a_stroke_is_no_zero(cylinder: Cylinder) -> None:
+    recordings = campaign(cylinder)
+    pulled = {}
+    for offset, each in recordings.items():
+        near = each.column("position_m") > np.quantile(each.column("position_m"), 0.95)
+        pulled[offset] = each.with_columns(friction_n=each.column("friction_n") + 3000.0 * near)
+    error, _ = errors(fit_offset_model(pulled.values(), cylinder), pulled)
+    assert np.sqrt(np.mean(error**2)) < 2.5

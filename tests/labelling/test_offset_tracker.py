@@ -89,10 +89,10 @@ def test_a_known_offset_is_kept_and_an_unknown_one_drifts(
 ) -> None:
     resting = offset_recordings[-1]
     resting = resting.with_columns(position_m=np.full(len(resting), 0.1))
-    found = learned(tracker, resting, 5.0, 7.0)
+    found = learned(tracker, resting, 5.0, 10.0)
     assert set(found[:, 0]) == {5.0}
     assert np.all(np.diff(found[:, 1]) > 0.0)
-    assert found[0, 1] == pytest.approx(7.0)
+    assert found[0, 1] == pytest.approx(10.0)
 
 
 def test_rest_shows_no_offset(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:

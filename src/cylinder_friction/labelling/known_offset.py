@@ -156,8 +156,7 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)
     conditions = {each.session: each.condition for each in counted}
-    own_n = {} if model is None else _conditions_n(model, conditions, plan)
-    known = [_known(name, sessions[name], model, plan, own_n.get(sessions[name][0].condition, 0.0)) for name in order]
+    known = [_known(name, sessions[name], model, plan) for name in order]
     if model is None:
         return known
     left = {each.session for each in known if each.source == STATED}
@@ -260,28 +259,6 @@ def without_offsets(recordings: Sequence[Recording], models: Mapping[str, Offset
     return list(recordings)
 
 
-def _conditions_n(model: OffsetModel, conditions: Mapping[str, str], plan: OffsetPlan) -> dict[str, float]:
-    """Compute how far a condition's own asymmetry of friction may shift its sessions' offsets [N] (k = 1).
-
-    The mean offset of a condition looks like such an asymmetry. These means show how much conditions differ; the prior
-    is the plan's asymmetry. Empty if there is one condition, or one session in each: then sessions differ.
-    """
-    found = list(model.sessions.values())
-    names, place, counts = np.unique([conditions[each.session] for each in found], False, True, True)
-    if not 1 < len(names) < len(found):
-        return {}
-    squares = np.bincount(place, [each.offset_n - model.kept.offset_n for each in found]) ** 2 / counts**2
-    own = np.bincount(place, [each.own_n**2 - each.relative_uncertainty_n**2 for each in found]) / counts**2
-    alike = np.maximum(own, 1e-9) * (1.0 - 1.0 / len(names))  # Variance of the means if conditions are alike
-    ratio = np.linspace(0.0, 4.0, 401)[:, None]  # Standard deviation between conditions, over that of its prior
-    differ = (plan.asymmetry * model.level_n * ratio) ** 2
-    unlikely = (np.log(alike + differ) + squares / (alike + differ)).sum(axis=1) + ratio[:, 0] ** 2
-    share = differ / (alike + differ)
-    likely = np.exp(0.5 * (unlikely.min() - unlikely))
-    variance = np.average(share * alike + share**2 * squares, axis=0, weights=likely)
-    return dict(zip(names.tolist(), np.sqrt(variance).tolist(), strict=True))
-
-
 def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
     return _from_strokes(
         found,
@@ -297,11 +274,10 @@ def _counted(found: SessionOffset, plan: OffsetPlan) -> str:
     return f"{found.strokes_extend} extending and {found.strokes_retract} retracting {faster}"
 
 
-def _from_strokes(found: SessionOffset, words: str, condition_n: float = 0.0) -> KnownOffset:
+def _from_strokes(found: SessionOffset, words: str) -> KnownOffset:
     common_n = COVERAGE_FACTOR * found.common_uncertainty_n
     words += f"; ± {common_n:.1f} N of this are common to all sessions, as a mean offset looks like asymmetric friction"
-    words += f", and ± {COVERAGE_FACTOR * condition_n:.1f} N common to its condition" if condition_n else ""
-    uncertainty_n = COVERAGE_FACTOR * math.hypot(found.standard_uncertainty_n, condition_n)
+    uncertainty_n = COVERAGE_FACTOR * found.whole_uncertainty_n
     return KnownOffset(found.session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)
 
 
@@ -321,9 +297,7 @@ def cautious(plan: OffsetPlan, sessions: Collection[str]) -> OffsetPlan:
     return replace(plan, asymmetry_sd=max(plan.asymmetry_sd, plan.asymmetry / max(len(sessions), 1)))
 
 
-def _known(
-    session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan, condition_n: float
-) -> KnownOffset:
+def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan) -> KnownOffset:
     found = None if model is None else model.sessions.get(session)
     doubt = next((each.uneven for each in own if each.uneven), "")
     kept = any(each.sliding.kept_n > 0.0 for each in own)
@@ -334,9 +308,10 @@ def _known(
         why_not, doubt = doubt or why_not, doubt or _doubt(model, plan)
     else:
         count = len(model.sessions)
-        together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
+        alike = "each of a condition" if model.conditions else "each"
+        together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in {alike}"
         words = f"{_counted(found, plan)}, {found.sliding_s:.0f} s, {together}"
-        return replace(_from_strokes(found, words, condition_n), kept=kept)
+        return replace(_from_strokes(found, words), kept=kept)
     stated_n = float(np.max([math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]))
     source = NOTHING if math.isnan(stated_n) else STATED
     return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n, doubt=doubt, kept=kept)

@@ -9,6 +9,7 @@ stroke's weight depends only on its number of rows.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -103,6 +104,21 @@ class Posterior:
     coefficients: Array
     precision: Array
     minus_twice_likelihood: float  # Minus twice the restricted log-likelihood, up to a constant
+
+    @property
+    def variances(self) -> Array:
+        """Variances of the coefficients."""
+        return np.diag(np.linalg.inv(self.precision))
+
+    @classmethod
+    def mixed(cls, posteriors: Sequence[Self], weights: Array) -> Self:
+        """Build the posterior with mean and covariance of several, of which one is true, with these ``weights``."""
+        means = np.array([each.coefficients for each in posteriors])
+        mean = np.average(means, axis=0, weights=weights)
+        covariances = [np.linalg.inv(each.precision) for each in posteriors]
+        off = means - mean
+        covariance = np.average(covariances + off[:, :, None] * off[:, None, :], axis=0, weights=weights)
+        return cls(mean, np.asarray(np.linalg.inv(covariance)), math.nan)
 
     def last_effect(self, parts: Reduced) -> tuple[Array, Array]:
         """Compute posterior means and standard deviations of the last of the groups' own effects."""

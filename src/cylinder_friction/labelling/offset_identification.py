@@ -4,7 +4,7 @@ Friction changes its sign with the direction of motion; a sensor's zero does not
 short blocks, the label of a session is a linear mixed model (Henderson 1975):
 
     label = direction·g(speed, pressure, load, temperature, position) + h(pressure, load)
-            + offset + asymmetry·mean level + scale·direction·level + stroke + noise
+            + offset + asymmetry·mean level + condition + scale·direction·level + stroke + noise
 
 All sessions of a cylinder share friction g and its asymmetry h. Each session has its own offset, whose prior is the
 stated uncertainty of the sensors' zeros; its own scale, as friction differs from day to day; and its own asymmetry.
@@ -18,10 +18,9 @@ stated and adds to the uncertainty. If sessions differ by more than the stated a
 the larger value that they show. Nor do strokes separate **the mean offset of all sessions from their common
 asymmetry**: the mean offset stays 0, and its uncertainty is that of the sensors' zeros.
 
-A sensor keeps its zero from session to session, unless it is zeroed before each. What it keeps is one draw, common to
-all sessions and as uncertain as stated, however many sessions there are. What else changes from session to session is
-as large as their scatter shows, at most as large as stated. Of zeros that are drawn anew in each session, the mean is
-as uncertain as stated, divided by the square root of the number of sessions.
+Conditions may differ in asymmetry: each has its own deviation from the common one. How much they differ is itself
+uncertain; the mean offsets of their sessions show it. What sensors keep from session to session is in
+``labelling.kept_zero``.
 
 The fit does not identify a gain error of the sensors. Its part that does not change with direction goes into the offset
 or, if all sessions share it and it grows with the load, into h.
@@ -39,6 +38,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.friction_quantities import POSITION_ORDER, FrictionQuantities
+from cylinder_friction.labelling.kept_zero import KeptZero, of_mean_n, one_draw_n, together_n
 from cylinder_friction.labelling.label import by_session
 from cylinder_friction.labelling.mixed_model import Evidence, Posterior, Reduced, solved
 from cylinder_friction.labelling.sliding_blocks import (
@@ -74,6 +74,8 @@ _QUANTITY, _RIPPLE = 0.3, 0.05
 """Prior standard deviations of friction's coefficients over its level: per standardised quantity, and per order of
 position. Greater values would let friction absorb differences between the directions that belong to the offset.
 Asymmetry is a share of friction: pressure and load change it as they change friction, and ``MAY_DIFFER`` of that."""
+_DIFFERENCES = np.linspace(0.0025, 3.0, 150)
+"""Standard deviations of asymmetry between conditions that are considered, over that of the common asymmetry."""
 _GUESS = np.log([0.01, 0.01, 0.03, 0.03])
 """Logarithms of the expected standard deviations of noise and stroke (over friction's level), scale and slope."""
 
@@ -97,36 +99,18 @@ class SessionOffset:
     strokes_extend: int
     strokes_retract: int
     sliding_s: float  # Duration of the steady sliding that was used [s]
+    # Standard uncertainty that comes on top if friction of the condition is more asymmetric than is likely [N]
+    condition_n: float = 0.0
+
+    @property
+    def whole_uncertainty_n(self) -> float:
+        """Standard uncertainty (k = 1) with ``condition_n`` [N]."""
+        return math.hypot(self.standard_uncertainty_n, self.condition_n)
 
     @property
     def relative_uncertainty_n(self) -> float:
         """Standard uncertainty (k = 1) relative to the mean offset of all sessions [N]."""
         return math.sqrt(max(self.standard_uncertainty_n**2 - self.common_uncertainty_n**2, 0.0))
-
-
-@dataclass(frozen=True)
-class KeptZero:
-    """The part of the zeros that all sessions share, because sensors keep it."""
-
-    stated_n: float = 0.0  # Standard uncertainty as stated, as friction [N]
-    own_n: float = math.inf  # Greatest standard deviation of what else changes from session to session [N]
-    offset_n: float = 0.0  # Part of each session's offset, if friction is about as symmetric as planned [N]
-    uncertainty_n: float = 0.0  # Standard uncertainty of ``offset_n`` [N]
-
-    @classmethod
-    def of(cls, sessions: Sequence[SlidingBlocks]) -> Self:
-        """Take the greatest part that is stated as kept, and what the scatter of sessions shows of the rest."""
-        halves_n = np.array([each.halves_n()[0] for each in sessions])
-        halves_n = halves_n[np.isfinite(halves_n)]
-        scatter_n = float(halves_n.std(ddof=1)) if len(halves_n) > 1 else 0.0
-        return cls(max(each.kept_n for each in sessions), scatter_n)
-
-    def own_part_n(self, session: SlidingBlocks) -> float:
-        """Compute the standard deviation of the part of a session's zeros that its sensors do not keep [N]."""
-        if not session.kept_n:
-            return session.prior_n
-        zeroed_n = math.sqrt(max(session.prior_n**2 - session.kept_n**2, 0.0))
-        return math.hypot(zeroed_n, min(session.kept_n, self.own_n))
 
 
 @dataclass(frozen=True)
@@ -149,6 +133,10 @@ class OffsetModel:
     precision: tuple[tuple[float, ...], ...] = ()  # Inverse of the coefficients' covariance
     common_uncertainty_n: float = math.nan  # Standard uncertainty of the mean offset of all sessions [N]
     kept: KeptZero = field(default_factory=KeptZero)
+    conditions: tuple[str, ...] = ()  # Conditions with an asymmetry of their own; empty if there is one condition
+    condition_sd: float = 0.0  # Standard deviation of a condition's own asymmetry, as a share of friction
+    # Standard uncertainty of the offsets in each condition, beside theirs, if conditions differ more than is likely [N]
+    conditions_n: Mapping[str, float] = field(default_factory=dict)
     sessions: Mapping[str, SessionOffset] = field(default_factory=dict)  # Offsets of the sessions of the fit
 
     def about_mean(self) -> Self:
@@ -160,7 +148,7 @@ class OffsetModel:
         found = self.sessions.values()
         mean_n = sum(each.offset_n for each in found) / len(self.sessions)
         model = replace(self, kept=replace(self.kept, offset_n=0.0, uncertainty_n=self.kept.stated_n))
-        return model._shifted(mean_n, math.hypot(_mean_n(each.own_n for each in found), self.kept.stated_n))
+        return model._shifted(mean_n, math.hypot(of_mean_n(each.own_n for each in found), self.kept.stated_n))
 
     def _shifted(self, mean_n: float, common_n: float) -> Self:
         """Build the model with the mean offset moved into friction, with the uncertainty ``common_n``."""
@@ -209,7 +197,9 @@ class OffsetModel:
         posterior = solved(precision, precision @ np.array(self.coefficients), part)
         offset_n, own_n = seen.offsets(posterior, part, asymmetry_sd)
         offset_n, own_n = offset_n + self.kept.offset_n, np.hypot(own_n, self.kept.uncertainty_n)
-        return _session_offsets(offset_n, own_n, [session], self.kept, self.common_uncertainty_n)[0]
+        if self.conditions and session.condition not in self.conditions:
+            own_n = np.hypot(own_n, self.condition_sd * self.level_n)
+        return _session_offsets(offset_n, own_n, [session], self, self.common_uncertainty_n)[0]
 
     def corrected(self, recordings: Sequence[Recording]) -> list[Recording]:
         """Subtract their session's offset from the labels of recordings, and state its uncertainty.
@@ -232,13 +222,13 @@ class OffsetModel:
         """Compute the uncertainty of the sessions' mean offset from the stated zeros and the asymmetry [N]."""
         stated_n, asymmetry_n = self._stated_mean_n(sessions), self.plan.asymmetry * self.level_n
         if not self.kept.stated_n:
-            return _together_n(stated_n, asymmetry_n)
+            return together_n(stated_n, asymmetry_n)
         # The mean of the sessions' own asymmetries looks like the zero that they share
-        return _one_draw_n(stated_n, math.hypot(asymmetry_n, self.own_asymmetry_n / math.sqrt(len(sessions))))
+        return one_draw_n(stated_n, math.hypot(asymmetry_n, self.own_asymmetry_n / math.sqrt(len(sessions))))
 
     def _stated_mean_n(self, sessions: Sequence[SlidingBlocks]) -> float:
         """Compute the uncertainty of the sessions' mean offset from the stated zeros alone [N]."""
-        return math.hypot(_mean_n(map(self.kept.own_part_n, sessions)), self.kept.stated_n)
+        return math.hypot(of_mean_n(map(self.kept.own_part_n, sessions)), self.kept.stated_n)
 
     @property
     def own_asymmetry_n(self) -> float:
@@ -271,7 +261,9 @@ class OffsetModel:
             own.insert(1, scaled_n * explaining[:, 1 + self.quantities.speed_place])
         even = self.level_n * explaining[:, self.quantities.even_places]
         odd = (self.level_n * blocks.direction)[:, None] * explaining
-        columns = np.column_stack([*own, odd, even, blocks.label_n])
+        place = [[each.condition == name for name in self.conditions] for each in sessions]
+        conditions = self.level_n * np.array(place, dtype=np.float64)[session]
+        columns = np.column_stack([*own, odd, conditions, even, blocks.label_n])
         own_n = np.array([self.kept.own_part_n(session) for session in sessions])
         return _Seen(Evidence.of(columns, len(own), counts, blocks.stroke), own_n, mean_level_n)
 
@@ -364,10 +356,12 @@ def offset_model(
     varies = plan.asymmetry_sd * (asymmetry / plan.asymmetry if plan.asymmetry > 0.0 else 1.0)
     plan = replace(plan, asymmetry=asymmetry, asymmetry_sd=math.hypot(varies, 2.0 * few))
     quantities = FrictionQuantities.of(blocks, cylinder, columns)
-    model = OffsetModel(plan, quantities, blocks.level_n, kept=KeptZero.of(sessions))
+    conditions = tuple(sorted({each.condition for each in sessions}))
+    conditions = conditions if 1 < len(conditions) <= len(sessions) / 2 else ()  # else sessions differ
+    model = OffsetModel(plan, quantities, blocks.level_n, kept=KeptZero.of(sessions), conditions=conditions)
     seen_n, priors_n = model._common_seen_n(sessions), np.array([each.prior_n for each in sessions])
     if seen_n > greatest_share * priors_n.max():
-        stated = _session_offsets(np.zeros(len(sessions)), priors_n, sessions, model.kept, seen_n)
+        stated = _session_offsets(np.zeros(len(sessions)), priors_n, sessions, model, seen_n)
         return replace(model, sessions={each.session: each for each in stated})
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
     expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
@@ -396,7 +390,7 @@ def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylind
     stated, areas = recording.metadata.uncertainty, sensor_areas(recording, cylinder)
     own_n = zero_uncertainty_n(recording, cylinder)
     assert own_n is not None
-    remaining = found.standard_uncertainty_n / own_n if own_n > 0.0 else 1.0
+    remaining = found.whole_uncertainty_n / own_n if own_n > 0.0 else 1.0
     zeros = {
         column: IdentifiedZero(
             found.offset_n * area * stated[column].zero ** 2 / own_n**2 if own_n > 0.0 else 0.0,
@@ -424,11 +418,17 @@ def _fitted(
     seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
     searched = seen if every == 1 else model._seen(sessions[::every])
     size, even = len(seen.evidence.common) - 1, len(model.quantities.even_places)
-    counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, 1, even - 1
+    conditions = len(model.conditions)
+    counts = 1, size - conditions - even - 1 - POSITION_ORDER, POSITION_ORDER, conditions, 1, even - 1
     asymmetry = max(model.plan.asymmetry, 1e-6)
     alike = math.hypot(asymmetry, model.kept.stated_n / model.level_n)  # a zero that sensors keep looks the same
-    deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, alike, MAY_DIFFER * _QUANTITY * asymmetry], counts)
-    precision, nothing = np.diag(1.0 / deviations**2), np.zeros(size)
+    nothing = np.zeros(size)
+
+    def prior(condition_sd: float) -> Array:
+        own = [1.0, _QUANTITY, _RIPPLE, condition_sd, alike, MAY_DIFFER * _QUANTITY * asymmetry]
+        return np.diag(1.0 / np.repeat(own, counts) ** 2)
+
+    precision = prior(asymmetry)  # Wide, so that conditions that differ do not look like sessions that differ
 
     def variances(logarithms: Array) -> tuple[float, float, float, list[float]]:
         noise, stroke, asymmetry, *friction = np.exp(logarithms).tolist()
@@ -446,8 +446,25 @@ def _fitted(
     noise_n, stroke_n, asymmetry_sd, friction = variances(found)
     parts = seen.reduced(noise_n, stroke_n, asymmetry_sd, friction)
     posterior = solved(precision, nothing, parts)
+    condition_sd, conditions_n = 0.0, dict[str, float]()
+    if conditions:
+        possible = asymmetry * _DIFFERENCES
+        ways = [solved(prior(each), nothing, parts) for each in possible.tolist()]
+        surprise = np.array([each.minus_twice_likelihood for each in ways]) + 2.0 * conditions * np.log(possible)
+        likely = np.exp(0.5 * (surprise.min() - surprise))
+        weights = np.exp(-0.5 * (_DIFFERENCES / MAY_DIFFER) ** 2)
+        weights[0] = weights[1:].sum()  # As likely as not, conditions are alike
+        posterior = Posterior.mixed(ways, likely * weights)
+        cautious = Posterior.mixed(ways, likely * np.exp(-0.5 * (2.0 * _DIFFERENCES) ** 2))
+        condition_sd = math.sqrt(np.average(possible**2, weights=likely * weights))
+        own = slice(size - even - conditions, size - even)
+        moved, wider = (cautious.coefficients - posterior.coefficients)[own], cautious.variances - posterior.variances
+        more_n = model.level_n * np.sqrt(np.maximum(moved**2 + wider[own], 0.0))
+        conditions_n = dict(zip(model.conditions, more_n.tolist(), strict=True))
     fitted = replace(
         model,
+        condition_sd=condition_sd,
+        conditions_n=conditions_n,
         plan=replace(plan, asymmetry_sd=asymmetry_sd),
         noise_n=noise_n,
         stroke_n=stroke_n,
@@ -469,7 +486,7 @@ def _with_sessions(
     """
     stated_n, kept_n = model._stated_mean_n(sessions), model.kept.stated_n
     asymmetry_n, common_n = model.plan.asymmetry * model.level_n, model._common_seen_n(sessions)
-    own_mean_n = _together_n(_mean_n(map(model.kept.own_part_n, sessions)), math.hypot(asymmetry_n, kept_n))
+    own_mean_n = together_n(of_mean_n(map(model.kept.own_part_n, sessions)), math.hypot(asymmetry_n, kept_n))
     if common_n > LEAST_NARROWING * stated_n:
         weights = np.array([1.0 / max(model.kept.own_part_n(each), 1e-9) ** 2 for each in sessions])
         common_n, mean_n = stated_n, float(weights @ offsets_n) / float(weights.sum())
@@ -478,40 +495,21 @@ def _with_sessions(
         alike_n = model.level_n * model.coefficients[len(model.coefficients) - len(model.quantities.even_places)]
         kept_offset_n = kept_n**2 / max(kept_n**2 + asymmetry_n**2, 1e-300) * alike_n
         mean_n = -kept_offset_n
-        uncertainty_n = _one_draw_n(kept_n, asymmetry_n) if kept_n else 0.0
+        uncertainty_n = one_draw_n(kept_n, asymmetry_n) if kept_n else 0.0
         kept = replace(model.kept, offset_n=kept_offset_n, uncertainty_n=uncertainty_n)
-    found = _session_offsets(offsets_n, uncertainties_n, sessions, model.kept, own_mean_n)
+    found = _session_offsets(offsets_n, uncertainties_n, sessions, model, own_mean_n)
     model = replace(model, kept=kept, sessions={each.session: each for each in found})
     return model._shifted(mean_n, common_n)
 
 
-def _mean_n(uncertainties_n: Iterable[float]) -> float:
-    """Compute the uncertainty of the mean of independent numbers, weighted by theirs."""
-    return 1.0 / math.sqrt(np.array([1.0 / max(each, 1e-9) ** 2 for each in uncertainties_n]).sum())
-
-
-def _together_n(stated_n: float, asymmetry_n: float) -> float:
-    """Compute the uncertainty of an offset of which strokes show the sum with an asymmetry [N]."""
-    return 1.0 / math.hypot(1.0 / max(stated_n, 1e-9), 1.0 / max(asymmetry_n, 1e-9))
-
-
-def _one_draw_n(stated_n: float, asymmetry_n: float) -> float:
-    """Compute the same of an offset that all sessions of a cylinder share, as they share the asymmetry [N].
-
-    Zero and asymmetry are one draw each in the life of a cylinder, so that their errors do not average out over its
-    sessions. They therefore add without squares, which holds for nearly every cylinder instead of for most.
-    """
-    share = stated_n**2 / (stated_n**2 + max(asymmetry_n, 1e-9) ** 2)
-    return (1.0 - share) * stated_n + share * asymmetry_n
-
-
 def _session_offsets(
-    offsets_n: Array, uncertainties_n: Array, sessions: Sequence[SlidingBlocks], kept: KeptZero, common_n: float
+    offsets_n: Array, uncertainties_n: Array, sessions: Sequence[SlidingBlocks], model: OffsetModel, common_n: float
 ) -> list[SessionOffset]:
     found = []
     for session, offset_n, uncertainty_n in zip(sessions, offsets_n.tolist(), uncertainties_n.tolist(), strict=True):
         extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
-        prior = (session.prior_n, kept.own_part_n(session), extend, retract, session.sliding_s)
+        prior = (session.prior_n, model.kept.own_part_n(session), extend, retract, session.sliding_s)
         common = min(common_n, uncertainty_n)
-        found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior))
+        condition_n = model.conditions_n.get(session.condition, 0.0)
+        found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior, condition_n))
     return found

@@ -159,7 +159,7 @@ def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], pr
     powers = legendre.leg2poly([0.0, *model.coefficients[1 + count : 1 + count + POSITION_ORDER]])
     along[: len(powers)] = model.level_n * powers
     along[0] += model.level_n * model.coefficients[0] - float(standard @ means)
-    even = model.level_n * np.array(model.coefficients[1 + count + POSITION_ORDER :])
+    even = model.level_n * np.array(model.coefficients[-len(explain.even_places) :])
     of = np.array(explain.even_places[1:]) - 1
     even_slopes = even[1:] / deviations[of]
     even_constant = even[0] - float(even_slopes @ means[of])

@@ -1,7 +1,7 @@
 """The offset of the sensors' zeros in each session of a campaign, subtracted from the labels of every role."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from cylinder_friction.cylinder import Cylinder
@@ -52,6 +52,7 @@ def take_offsets(
             own = of_condition(every, condition)
             conditions = {each.metadata.session: each.metadata.condition for each in own}
             for name, found in model.offsets(own).items():
+                found = replace(found, standard_uncertainty_n=found.whole_uncertainty_n)
                 sessions.append({"role": role, "condition": conditions[name], **asdict(found)})
     corrected = {role: without_offsets(every, models) for role, every in recordings.items()}
     plan = cautious(plan, {each.metadata.session for each in recordings["train"]})

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Self
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
@@ -68,6 +69,7 @@ class SlidingBlocks:
     direction: Array
     stroke: NDArray[np.int64]
     columns: dict[str, Array]  # Mean over each block of each column that may explain friction
+    condition: str = ""
 
     @property
     def level_n(self) -> float:
@@ -96,6 +98,7 @@ class SlidingBlocks:
             np.concatenate([part.direction for part in parts]),
             np.concatenate([part.stroke + first for part, first in zip(parts, before[:-1], strict=True)]),
             {name: np.concatenate([part.columns[name] for part in parts]) for name in common},
+            parts[0].condition,
         )
 
 
@@ -117,6 +120,11 @@ def sliding_blocks(
     size = max(1, round(plan.block_s / step_s))
     pieces = stroke_pieces(direction, step_s * np.arange(len(direction), dtype=np.float64), plan.settling_s, size)
     whole = 2 * pieces.counts >= size
+    label_n = pieces.mean(recording.column("friction_n"))
+    of_stroke_n = pd.Series(label_n[whole]).groupby(pieces.stroke[whole]).transform("median").to_numpy()
+    # A force as large as friction that acts in a part of a stroke, as of a cushion, is no zero
+    usual_n = float(np.median(np.abs(of_stroke_n))) if len(of_stroke_n) else 0.0
+    whole[whole] = np.abs(label_n[whole] - of_stroke_n) <= usual_n
     means = {name: pieces.mean(recording.column(name))[whole] for name in names}
     return SlidingBlocks(
         recording.metadata.session,
@@ -127,6 +135,7 @@ def sliding_blocks(
         np.sign(means["velocity_m_s"]),
         np.unique(pieces.stroke[whole], return_inverse=True)[1].astype(np.int64),
         means,
+        recording.metadata.condition,
     )
 
 
