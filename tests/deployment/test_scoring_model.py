@@ -100,3 +100,39 @@ def test_a_model_that_misses_its_golden_trajectory_does_not_start(golden_folder:
     done = load(copy, SOURCE, tmp_path)
     assert done.returncode == 1
     assert "on its golden trajectory it is 1 N from what was recorded with it" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "file", ["artifacts/golden.json", "artifacts/model/network.onnx", "code/cylinder_friction/realtime/flags.py"]
+)
+def test_a_model_with_a_damaged_file_ends_the_server_in_one_sentence(
+    file: str, golden_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = tmp_path / "model"
+    shutil.copytree(golden_folder, copy)
+    (copy / file).write_text("damaged (")
+    monkeypatch.setenv("__pyfunc_model_path__", str(copy))  # as MLflow's server sets it
+    done = load(copy, SOURCE, tmp_path)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith(f"this model does not start, because of {copy}")
+    assert Path(file).name in last
+    assert "restore the file from a backup, or register the model again" in last
+
+
+@pytest.mark.skipif(subprocess.run(["unshare", "-rm", "true"], check=False).returncode != 0, reason="no namespaces")
+def test_a_full_cache_is_not_used_and_stays_empty(golden_folder: Path, other_version: Path, tmp_path: Path) -> None:
+    code = "import runpy, sys\nfrom pathlib import Path\nmodel = Path(sys.argv[1])\n"
+    code += "runpy.run_path(str(model / 'scoring_model.py'))['import_brought_code'](model / 'code')\nprint(sys.path[0])"
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "run.py").write_text(code)
+    mount = 'mount -t tmpfs -o size=64k none "$0" && XDG_CACHE_HOME="$0" "$@" && find "$0"'
+    command = ["unshare", "-rm", "sh", "-c", mount, tmp_path / "cache", sys.executable, tmp_path / "run.py"]
+    environment = {**os.environ, "PYTHONPATH": str(other_version)}
+    done = subprocess.run([*command, golden_folder], env=environment, capture_output=True, text=True, check=False)
+    assert "No space left on device" in done.stderr
+    used, *left = done.stdout.splitlines()
+    assert (Path(used) / "cylinder_friction/arrays.py").is_file()
+    shutil.rmtree(Path(used).parent)
+    assert left == [f"{tmp_path}/cache", f"{tmp_path}/cache/cylinder-friction"]

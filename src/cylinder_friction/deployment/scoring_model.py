@@ -10,7 +10,8 @@ import shutil
 import sys
 import tempfile
 import warnings
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from mlflow.protos.databricks_pb2 import INVALID_PARAMETER_VALUE
 from mlflow.pyfunc.model import PythonModel
 
 PACKAGE = "cylinder_friction"
+SERVED = "__pyfunc_model_path__"  # Variable that MLflow sets for its server
 
 
 class FrictionScoringModel(PythonModel):
@@ -31,18 +33,21 @@ class FrictionScoringModel(PythonModel):
         """Load the estimator with the code that it was registered with, and run its golden trajectory.
 
         Raises:
-            MlflowException: Other code of the package is imported already.
-            GoldenError: The step does not give what was recorded at registration.
+            MlflowException: Other code of the package is imported already, files are damaged, or the step does not give
+                what was recorded at registration. MLflow's server ends with the same sentence (``SystemExit``).
         """
-        estimator = Path(context.artifacts["estimator"])
-        import_brought_code(estimator.parents[1] / "code")
-        from cylinder_friction.deployment.golden_trajectory import difference_n
-        from cylinder_friction.deployment.scoring import ScoringError, ServedModel, score_frame
-        from cylinder_friction.estimators.loading import load_estimator
-
+        estimator, golden = (Path(context.artifacts[each]) for each in ("estimator", "golden"))
+        code = estimator.parents[1] / "code"
+        with _named(code):
+            import_brought_code(code)
+            from cylinder_friction.deployment.golden_trajectory import difference_n
+            from cylinder_friction.deployment.scoring import ScoringError, ServedModel, score_frame
+            from cylinder_friction.estimators.loading import load_estimator
+        with _named(estimator):
+            self._served = ServedModel(load_estimator(estimator).step_model())
+        with _named(golden):
+            difference_n(self._served.run, json.loads(golden.read_text("utf-8")))
         self._refused, self._score_frame = ScoringError, score_frame
-        self._served = ServedModel(load_estimator(estimator).step_model())
-        difference_n(self._served.run, json.loads(Path(context.artifacts["golden"]).read_text("utf-8")))
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
         """Score rows like ``score_columns``, one result per row; rows that cannot be scored give 400."""
@@ -50,6 +55,20 @@ class FrictionScoringModel(PythonModel):
             return self._score_frame(self._served, model_input)
         except self._refused as error:
             raise MlflowException(str(error), error_code=INVALID_PARAMETER_VALUE) from error
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Refuse a model in one sentence that names the file or folder because of which it does not start."""
+    try:
+        yield
+    except Exception as error:  # of a damaged file: anything
+        own = isinstance(error, MlflowException)
+        words = f"this model does not start, because of {path}: {str(error) or type(error).__name__}"
+        words = str(error) if own else f"{words}; restore the file from a backup, or register the model again"
+        if SERVED in os.environ:  # MLflow's server would print its own traceback
+            raise SystemExit(words) from None
+        raise MlflowException(words, error_code=INVALID_PARAMETER_VALUE) from error
 
 
 def import_brought_code(code: Path) -> None:
@@ -107,25 +126,28 @@ def _cached(code: Path, names: list[str], wanted: str) -> Path:
         if _code_hash(place, names) == wanted:
             return place
         place.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=place.parent))
-    except (OSError, RuntimeError) as error:  # an account without a home
-        place, draft = Path(tempfile.mkdtemp(prefix="cylinder-friction-")) / wanted[:32], None
+        with tempfile.TemporaryDirectory(dir=place.parent) as scratch:
+            draft = _copied(code, names, Path(scratch) / "code")
+            if place.exists():  # damaged
+                shutil.rmtree(place)
+            with suppress(OSError):  # another process has just put the same there
+                draft.rename(place)
+        return place
+    except (OSError, RuntimeError) as error:  # a full disk, or an account without a home
         warnings.warn(
             f"the user's cache cannot be written ({error}), so that this model is compiled at every start, which takes "
             "seconds; set XDG_CACHE_HOME to a folder that only you can write",
             stacklevel=2,
         )
-    target = place if draft is None else draft
+    return _copied(code, names, Path(tempfile.mkdtemp(prefix="cylinder-friction-")) / wanted[:32])
+
+
+def _copied(code: Path, names: list[str], folder: Path) -> Path:
+    """Copy files of the code into a folder, and return the folder."""
     for name in names:
-        (target / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(code / name, target / name)
-    if draft is not None:
-        if place.exists():  # damaged
-            shutil.rmtree(place)
-        with suppress(OSError):  # another process has just put the same there
-            draft.rename(place)
-        shutil.rmtree(draft, ignore_errors=True)
-    return place
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(code / name, folder / name)
+    return folder
 
 
 mlflow.models.set_model(FrictionScoringModel())
