@@ -9,25 +9,26 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 LEAST_GAIN = 0.02
-"""Smallest share of the low-pass's error that a correction must remove; else it is dropped."""
+"""Smallest share of the low-pass's error that a correction must remove, or it is dropped."""
 
 
 @dataclass(frozen=True)
 class Gain:
     """Mean absolute errors against the label, less its session's offset, on sessions held out of training."""
 
-    low_pass_n: float  # Of the tuned low-pass alone [N]
-    corrected_n: float  # Of the low-pass with the share of the correction [N]
+    low_pass_n: float  # Of the tuned low-pass alone, mean over the recordings [N]
+    corrected_n: float  # Of the low-pass with the share of the correction, mean over the recordings [N]
     share: float  # The factor, from 0 to 1, by which the correction is scaled
 
     @classmethod
     def of(cls, pairs: Sequence[Array]) -> Self:
-        """Find the share of corrections that comes nearest to the wanted ones, by mean absolute error.
+        """Find the share of the corrections that comes nearest to the wanted ones.
 
-        It is 0 if even that removes less than ``LEAST_GAIN`` of the low-pass's error.
+        Recordings differ, in noise above all, so the share is best for the mean of their ratios of both errors. It is 0
+        if even that mean is above ``1 - LEAST_GAIN``.
 
         Args:
-            pairs: Corrections and wanted corrections [N], each of shape ``(2, rows)``.
+            pairs: Correction and wanted correction [N] of each recording, of shape ``(2, rows)``.
 
         Example:
             >>> import numpy as np
@@ -35,11 +36,12 @@ class Gain:
             >>> Gain.of([np.array([[2.0, -4.0], [1.0, -2.0]])])
             Gain(low_pass_n=1.5, corrected_n=0.0, share=0.5)
         """
-        corrections_n, wanted_n = np.concatenate(pairs, axis=1)
-        errors_n = {share: np.abs(share * corrections_n - wanted_n).mean() for share in np.linspace(0.0, 1.0, 21)}
-        best = min(errors_n, key=lambda each: errors_n[each])
-        share = best if errors_n[best] < (1.0 - LEAST_GAIN) * errors_n[0.0] else 0.0
-        return cls(float(errors_n[0.0]), float(errors_n[share]), float(share))
+        shares = np.linspace(0.0, 1.0, 21)
+        errors_n = np.array([[np.abs(share * own - wanted).mean() for share in shares] for own, wanted in pairs])
+        ratios = (errors_n / errors_n[:, :1]).mean(axis=0)
+        best = int(np.argmin(ratios))
+        place = best if ratios[best] < 1.0 - LEAST_GAIN else 0
+        return cls(float(errors_n[:, 0].mean()), float(errors_n[:, place].mean()), float(shares[place]))
 
     def in_words(self) -> str:
         """State the gain.

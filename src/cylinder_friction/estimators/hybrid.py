@@ -175,7 +175,7 @@ class HybridEstimator(FrictionEstimator):
         if self.forest_plan is not None:
             self._set(replace(self._fitted(), forest=self._fit_forest(sequences, self.forest_plan)))
         self.guard = self.bounds = self.trained_for = None
-        self._keep_what_holds([self._corrections([*validation, *calibration])] if calibration or validation else [])
+        self._keep_what_holds(self._corrections([*validation, *calibration]))
         self.bounds_by_noise = ()
         if calibration or validation:
             self.calibrate(train, calibration or validation, self.cylinder)
@@ -229,7 +229,7 @@ class HybridEstimator(FrictionEstimator):
             for some in (recordings, *others)
         )
         if groups:
-            pairs = [each._corrections(own) for each, own in zip(without, groups, strict=True)]
+            pairs = [pair for each, own in zip(without, groups, strict=True) for pair in each._corrections(own)]
             for each in (result, *without):
                 each._keep_what_holds(pairs)
             left_out = [recording for own in groups for recording in own]
@@ -288,14 +288,18 @@ class HybridEstimator(FrictionEstimator):
         assert self.parts is not None
         return self.parts
 
-    def _corrections(self, recordings: Sequence[Recording]) -> Array:
-        """Compute the correction of the base force in usable rows, and the wanted one [N], shape ``(2, rows)``."""
+    def _corrections(self, recordings: Sequence[Recording]) -> list[Array]:
+        """Compute the correction of the base force, and the wanted one, in each recording's usable rows [N].
+
+        Each has shape ``(2, rows)``; a recording without usable rows has none.
+        """
         pairs = []
         for each in map(self._training_recording, recordings):
             wanted = _correction(self._fitted().front_end, each)
             off_n = self.advance(self.new_state(), each.samples(self.channels)) - each.column("friction_n")
-            pairs.append(np.stack([wanted.target + off_n, wanted.target])[:, wanted.usable])
-        return np.concatenate(pairs, axis=1)
+            if wanted.usable.any():
+                pairs.append(np.stack([wanted.target + off_n, wanted.target])[:, wanted.usable])
+        return pairs
 
     def _keep_what_holds(self, pairs: Sequence[Array]) -> None:
         """Scale the correction, both the network's and the forest's, by the share that holds; see ``Gain.of``."""
