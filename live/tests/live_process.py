@@ -72,6 +72,13 @@ MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/s
 needs_broker = pytest.mark.skipif(MOSQUITTO is None, reason="mosquitto is not installed")
 
 
+def keep(service: LiveService) -> None:
+    """Write and acknowledge everything now, as ``keep_each_second`` does."""
+    saved, chunks = service.take_pending(service.sessions.values())
+    service.journal.keep(saved, chunks)
+    service.kept(saved)
+
+
 class Mosquitto:
     """A broker on loopback that can be stopped and started again at the same port; further settings are its own."""
 

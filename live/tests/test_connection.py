@@ -16,6 +16,7 @@ from cylinder_friction_live.events import Events
 from cylinder_friction_live.frames import SampleBlock, pack_samples
 from cylinder_friction_live.service import BusyError, LiveService
 from cylinder_friction_live.settings import LiveLimits
+from live_process import keep
 
 
 class Wire:
@@ -122,7 +123,7 @@ def test_under_load_long_json_and_new_sessions_are_refused(service: LiveService,
     service.limits, peers = LiveLimits(text_bytes=500), Peers()
     frame = pack_samples(SampleBlock(1, 0, 0.0, samples[:10]))
     asyncio.run(Connection(Wire(opening(), frame), service, peers).run())
-    service.keep()
+    keep(service)
     again = LiveService(service.engine, service.journal, limits=service.limits)
     again.loop_lag_s = 0.3
     wire = Wire(opening(), opening("other"), " " * 501)
@@ -192,7 +193,7 @@ def test_what_waits_is_bounded(service: LiveService, samples: Array, monkeypatch
 def test_a_client_learns_why_its_session_begins_anew(service: LiveService, samples: Array, tmp_path: Path) -> None:
     frame = pack_samples(SampleBlock(1, 0, 0.0, samples[:10]))
     asyncio.run(Connection(Wire(opening(), frame), service, Peers()).run())
-    service.keep()
+    keep(service)
     saved = service.journal.session("press")
     assert saved is not None
     service.journal.keep([replace(saved, model="f" * 64)], [])

@@ -19,7 +19,7 @@ from cylinder_friction_live.frames import EstimateBlock, SampleBlock, pack_sampl
 from cylinder_friction_live.history import move_into_history, write_session
 from cylinder_friction_live.journal import PAGE_BYTES, Journal
 from cylinder_friction_live.service import LiveService
-from live_process import PATIENT
+from live_process import PATIENT, keep
 from test_connection import Wire, opening
 
 ROWS = 100
@@ -40,7 +40,7 @@ def kept(engine: Engine, folder: Path, names: list[str], samples: Array) -> None
         for name in names:
             session = service.open(name, engine.inputs, engine.sample_time_s)
             service.receive([SampleBlock(session.handle, 0, 10.0, samples[:ROWS])])
-        service.keep()
+        keep(service)
 
 
 def resumed(engine: Engine, folder: Path, names: list[str], samples: Array) -> dict[str, tuple[str, Array]]:
@@ -53,7 +53,7 @@ def resumed(engine: Engine, folder: Path, names: list[str], samples: Array) -> d
         )
         wire = Wire(*map(opening, names), message)
         asyncio.run(Connection(wire, service, Peers()).run())
-        service.keep()
+        keep(service)
         move_into_history(journal)
     replies = [json.loads(each)["opened"] for each in wire.got if isinstance(each, str)]
     frames = b"".join(each for each in wire.got if isinstance(each, bytes))

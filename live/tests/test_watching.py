@@ -20,6 +20,7 @@ from cylinder_friction_live.journal import HISTORY_FOLDER, Journal
 from cylinder_friction_live.replay import Replay
 from cylinder_friction_live.service import LiveService
 from cylinder_friction_live.settings import SessionRules
+from live_process import keep
 
 INPUTS = ("pressure_1_pa", "pressure_2_pa", "position_m")
 
@@ -95,7 +96,7 @@ def test_last_rows_come_from_the_history_without_a_gap(engine: Engine, samples: 
             service.receive([block])
             service.sessions["press"].order.rules = SessionRules(hold_s=1e-9)
             service.overdue()
-            service.keep()
+            keep(service)
             move_into_history(journal)
     for before, index in ((None, range(450, 500)), (420, range(400, 420)), (150, range(100, 150)), (0, ())):
         found = last_rows(tmp_path / HISTORY_FOLDER, "press", inputs, 50, before)

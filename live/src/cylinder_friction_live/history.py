@@ -19,7 +19,7 @@ from urllib.parse import quote
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction_live.frames import LATEST_S, EstimateBlock
+from cylinder_friction_live.frames import EstimateBlock
 from cylinder_friction_live.journal import Chunk, Journal
 
 if TYPE_CHECKING:
@@ -119,8 +119,8 @@ def _last_index(path: Path) -> int:
 
 
 def _day_of(time_s: float) -> str:
-    """Name the UTC day of a time; ``no-day`` for an invalid time, which earlier versions accepted."""
-    return str(np.datetime64(int(time_s // DAY_S), "D")) if abs(time_s) < LATEST_S else "no-day"
+    """Name the UTC day of a time."""
+    return str(np.datetime64(int(time_s // DAY_S), "D"))
 
 
 def write_whole(table: pa.Table, path: Path) -> None:

@@ -7,7 +7,7 @@ import struct
 import threading
 import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -197,6 +197,7 @@ class Journal:
                 "journal, or give another --folder"
             ) from error
         except sqlite3.DatabaseError as error:
+            self._writing.close()
             aside = path.with_name(time.strftime(f"{path.stem}-damaged-%Y%m%dT%H%M%S{path.suffix}"))
             for end in ("-wal", "-shm", ""):
                 if (part := path.with_name(path.name + end)).exists():
@@ -209,23 +210,21 @@ class Journal:
 
     def _open(self, path: Path) -> None:
         self._writing = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-        with ExitStack() as opened:
-            opened.callback(self._writing.close)
-            tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
-            version = self._writing.execute("PRAGMA user_version").fetchone()[0]
-            if tables and version != _VERSION:
-                raise JournalError(
-                    f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
-                    "move it into the history (start and stop it once), or move the file away"
-                )
-            (found,) = self._writing.execute("PRAGMA quick_check(1)").fetchone()
-            if found != "ok":
-                raise sqlite3.DatabaseError(found)
-            self._writing.executescript(
-                f"PRAGMA page_size={PAGE_BYTES}; PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; "
-                f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
+        tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+        version = self._writing.execute("PRAGMA user_version").fetchone()[0]
+        if tables and version != _VERSION:
+            self._writing.close()
+            raise JournalError(
+                f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
+                "move it into the history (start and stop it once), or move the file away"
             )
-            opened.pop_all()
+        (found,) = self._writing.execute("PRAGMA quick_check(1)").fetchone()
+        if found != "ok":
+            raise sqlite3.DatabaseError(found)
+        self._writing.executescript(
+            f"PRAGMA page_size={PAGE_BYTES}; PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; "
+            f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
+        )
         self._reading = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
         self._files = {each: each.stat().st_ino for each in (path, path.with_name(f"{path.name}-wal"))}
 

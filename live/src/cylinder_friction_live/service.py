@@ -18,7 +18,7 @@ from cylinder_friction.signals.noise import times_as_noisy
 from cylinder_friction_live.engine import Engine
 from cylinder_friction_live.frames import LARGEST_INDEX, LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction_live.history import next_index_of
-from cylinder_friction_live.journal import DamagedSessionError, Journal, LastRow, PendingChunk, SavedSession
+from cylinder_friction_live.journal import Chunk, DamagedSessionError, Journal, LastRow, PendingChunk, SavedSession
 from cylinder_friction_live.noise import ROWS_BETWEEN, NoiseWindow
 from cylinder_friction_live.session import Counts, SessionOrder
 from cylinder_friction_live.settings import LiveLimits, SessionRules
@@ -105,11 +105,6 @@ class LiveSession:
         if self.unsettled is not None or self._pending or self.handed_over:
             return False
         return self.kept_index == self.next_index
-
-    @property
-    def may_give_way(self) -> bool:
-        """Whether no client has it any more, and the journal holds all of it."""
-        return self.owner is None and self.is_kept
 
     @property
     def model(self) -> str:
@@ -225,9 +220,9 @@ class LiveService:
         """Open a session: resume it from the journal, or start a new one.
 
         Raises:
-            LiveError: The name is invalid, ``owner`` has too many sessions, or columns or sample time are not the
-                model's.
-            BusyError: There are too many sessions, or the session is new and the service is too busy for it.
+            LiveError: The name is invalid, or columns or sample time are not the model's.
+            BusyError: There are too many sessions, of all or of ``owner``, or the session is new and the service is too
+                busy for it.
         """
         self._refuse_other_samples(name, inputs, sample_time_s)
         if name in self.sessions:
@@ -257,10 +252,8 @@ class LiveService:
 
     def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
         """Read the estimates from ``index`` on that were sent already, as far back as the journal goes."""
-        kept = self.journal.chunks(session.name, self.journal.last_chunk(), index)
-        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.pending)]
         blocks = []
-        for chunk in chunks:
+        for chunk in self._chunks(session, index):
             known = max(0, index - chunk.index)
             if chunk.estimates is not None and known < len(chunk.samples):
                 index = chunk.index + len(chunk.samples)
@@ -269,9 +262,12 @@ class LiveService:
 
     def recent(self, session: LiveSession, rows: int) -> list[tuple[EstimateBlock, Array]]:
         """Read the newest estimates and their samples, about this many rows, as far back as the journal goes."""
-        kept = self.journal.chunks(session.name, self.journal.last_chunk(), max(0, session.next_index - rows))
-        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.pending)]
+        chunks = self._chunks(session, max(0, session.next_index - rows))
         return [(each.estimates, each.samples) for each in chunks if each.estimates is not None]
+
+    def _chunks(self, session: LiveSession, index: int) -> list[Chunk]:
+        kept = self.journal.chunks(session.name, self.journal.last_chunk(), index)
+        return [*kept, *(each.chunk() for each in session.handed_over + session.pending)]
 
     @property
     def now_s(self) -> float:
@@ -376,12 +372,6 @@ class LiveService:
             if session.owner is not None:
                 session.owner.put_acknowledgement(session)
 
-    def keep(self) -> None:
-        """Write and acknowledge everything now."""
-        saved, chunks = self.take_pending(self.sessions.values())
-        self.journal.keep(saved, chunks)
-        self.kept(saved)
-
     def close_idle(self) -> list[str]:
         """Close sessions that are idle and wholly in the journal; return their names."""
         last_s = self._clock() - self.limits.idle_s
@@ -393,27 +383,28 @@ class LiveService:
     @property
     def full(self) -> str:
         """Why no session can be opened that is not open; empty if one can."""
-        if len(self.sessions) < self.limits.sessions or any(each.may_give_way for each in self.sessions.values()):
+        if len(self.sessions) < self.limits.sessions or self._left():
             return ""
         return f"{len(self.sessions)} sessions are open, all that are taken"
 
     def _make_room(self, name: str, owner: Owner | None) -> None:
         """Refuse a session beyond a limit; beyond that of all sessions, one that no client has gives way."""
-        limits, owners = self.limits, [each.owner for each in self.sessions.values() if each.owner is not None]
-        if owner is not None and owners.count(owner) >= limits.sessions_per_connection:
-            raise LiveError(
-                f"session {name!r}: this connection has {limits.sessions_per_connection} sessions, all that one may "
-                "have; open others over another connection"
-            )
-        if owner is not None and sum(each.user == owner.user for each in owners) >= limits.sessions_per_user:
-            raise BusyError(
-                f"session {name!r}: this user has {limits.sessions_per_user} sessions, all that one may have; try later"
-            )
+        owners = [each.owner for each in self.sessions.values() if each.owner is not None]
+        of_user = sum(owner is not None and each.user == owner.user for each in owners)
+        for kind, count, most in (
+            ("connection", sum(each is owner for each in owners), self.limits.sessions_per_connection),
+            ("user", of_user, self.limits.sessions_per_user),
+        ):
+            if count >= most:
+                raise BusyError(f"session {name!r}: this {kind} has {most} sessions, all that one may have; try later")
         if self.full:
             raise BusyError(f"session {name!r}: {self.full}; try later")
-        if len(self.sessions) >= limits.sessions:
-            left = [each for each in self.sessions.values() if each.may_give_way]
-            self._close(min(left, key=lambda each: each.order.last_seen_s))
+        if len(self.sessions) >= self.limits.sessions:
+            self._close(min(self._left(), key=lambda each: each.order.last_seen_s))
+
+    def _left(self) -> list[LiveSession]:
+        """List the sessions that no client has any more and that the journal holds."""
+        return [each for each in self.sessions.values() if each.owner is None and each.is_kept]
 
     def _close(self, session: LiveSession) -> None:
         self.engine.remove(session.slot)

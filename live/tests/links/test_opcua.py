@@ -29,6 +29,7 @@ from cylinder_friction_live.links.opcua import APPLICATION, NAMESPACE, OpcUaLink
 from cylinder_friction_live.links.opcua_quality import Health, health_of, status_of
 from cylinder_friction_live.service import LiveService, LiveSession
 from cylinder_friction_live.settings import OpcUaServerSettings
+from live_process import keep
 from live_service import running
 
 pytestmark = pytest.mark.extended
@@ -114,7 +115,7 @@ def test_a_client_reads_newtons_and_quality(service: LiveService, newtons: Array
             good = await values_once(client, "press 7", index=599)
             service.receive([SampleBlock(session.handle, 600, BEGAN_S + 3.0, broken[600:])])
             bad = await values_once(client, "press 7", index=600)
-            service.keep()
+            keep(service)
             service.limits = replace(service.limits, idle_s=1e-9)
             assert service.close_idle() == ["press 7"]
             closed = await values_once(client, "press 7", status=ua.StatusCodes.BadNoCommunication)
@@ -187,7 +188,7 @@ def test_a_session_that_comes_back_has_its_object_again(service: LiveService, sa
                 service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 3])])
                 found = await values_once(client, "press", index=begin + 2)
                 assert found["Friction"].StatusCode.value == ua.StatusCodes.UncertainSubNormal
-                service.keep()
+                keep(service)
                 assert service.close_idle() == ["press"]
                 await values_once(client, "press", status=ua.StatusCodes.BadNoCommunication)
 

@@ -75,7 +75,6 @@ class MqttLink(Link):
         super().__init__(f"mqtt://{settings.broker.host}:{settings.broker.port}/{settings.prefix}")
         self._settings = settings
         self._clients: dict[str, tuple[MqttTransport, asyncio.Task[None]]] = {}
-        self._advised: set[str] = set()  # Topics on which frames came without an open session
         self._since = ""
         self._changed: set[str] = set()  # Sessions with new estimates
 
@@ -121,19 +120,13 @@ class MqttLink(Link):
             self._broker.done(message)
             return
         problem = self._problem(topic, message)
-        if not problem:
-            self._clients[topic][0].waiting.put_nowait(message)
-            self._clients[topic][0].heard_s = time.monotonic()
+        if problem:
+            self._broker.done(message)
+            self._answer(topic, problem)
             return
-        self._broker.done(message)
-        if problem == "not open":
-            if topic in self._advised:
-                self.counts[problem] += 1
-                return  # one reply is enough for many such messages
-            if len(self._advised) >= self._service.limits.sessions:
-                self._advised.clear()
-            self._advised.add(topic)
-        self._answer(topic, problem)
+        transport, _ = self._clients[topic]
+        transport.heard_s = time.monotonic()
+        transport.waiting.put_nowait(message)
 
     def _problem(self, topic: str, message: MQTTMessage) -> str:
         """State why a message is refused; empty if its client's connection receives it."""
@@ -175,7 +168,6 @@ class MqttLink(Link):
         task = asyncio.create_task(Connection(transport, self._service, self._peers, topic, self.name).run())
         task.add_done_callback(lambda _: self._forget(topic, task))
         self._clients[topic] = transport, task
-        self._advised.discard(topic)
 
     def _forget(self, topic: str, task: asyncio.Task[None]) -> None:
         if topic in self._clients and self._clients[topic][1] is task:
