@@ -33,7 +33,7 @@ def compiled_part(function: Function, **options: Any) -> Function:
     return compiled(function, no_cpython_wrapper=True, **options)
 
 
-class _MachineCode(FunctionCache):  # type: ignore[misc]
+class _MachineCode(FunctionCache):
     """The machine code that Numba keeps of one function."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
