@@ -94,8 +94,10 @@ def test_a_value_that_is_too_wide_to_use_says_so_and_what_narrows_it() -> None:
     wide, sure = identified(False, factor=1.9), identified(False)
     (stiffness,) = (each for each in wide.parameters if each.name == "bristle_stiffness_n_m")
     assert stiffness.half_percent == pytest.approx(50.0 * (1.9 - 1.0 / 1.9))
-    assert stiffness.remark == "too wide to use: record more reversals, with a finer position"
-    assert "too wide to use: record more reversals" in modelica_record(wide, CYLINDER)
+    assert stiffness.remark.startswith("too wide to use: smoothing makes bristles seem up to twice as soft")
+    assert "too wide to use: smoothing makes" in modelica_record(wide, CYLINDER)
     assert "too wide to use" in matlab_script(wide, CYLINDER)
     assert "too wide to use" not in modelica_record(sure, CYLINDER)
     assert wide.to_dict()["parameters"]["coulomb_n"]["note"].startswith("too wide to use: record more strokes")
+    zeros = identified(False, factor=1.9, zeros=Zeros(100.0)).to_dict()["parameters"]["coulomb_n"]
+    assert zeros["note"].startswith("too wide to use: state how exact the sensors are")

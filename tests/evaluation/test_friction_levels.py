@@ -65,16 +65,17 @@ def test_what_neither_pressure_nor_speed_explains_is_left() -> None:
 
 
 def test_recordings_whose_strokes_scatter_alike_seldom_differ() -> None:
-    """Each stroke is off by its own 20 N: of 40 sets of 5 recordings, few may be named."""
+    """Each stroke is off by its own 20 N: of 80 sets of 3 recordings, few recordings may be named."""
     generator, named = np.random.default_rng(0), 0
-    for _ in range(40):
+    for _ in range(80):
         recordings = []
-        for name in "abcde":
-            each = strokes(name, 40.0)
+        for name in "abc":
+            each = strokes(name, 40.0, fastest_mm_s=6.0)
             off_n = np.repeat(generator.normal(0.0, 20.0, len(each) // 400), 400)
             recordings.append(each.with_columns(friction_n=each.column("friction_n") + off_n))
-        named += "differs from the others'" in in_words(list(compared(*recordings).values()))
-    assert named <= 6
+        found = compared(*recordings).values()
+        named += sum(each.equal is not None and each.equal.is_unexplained for each in found)
+    assert named <= 0.08 * 80 * 3
 
 
 def test_the_difference_of_two_recordings_is_stated_once() -> None:

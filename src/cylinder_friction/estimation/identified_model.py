@@ -84,7 +84,7 @@ NARROWED_BY = {
     "static_n": SLOWER,
     "stribeck_velocity_m_s": SLOWER,
     "stribeck_exponent": SLOWER,
-    "bristle_stiffness_n_m": "record more reversals, with a finer position",
+    "bristle_stiffness_n_m": "smoothing makes bristles seem up to twice as soft, which more strokes do not narrow",
     "pressure_slope_n_pa": "record more loads, each as a condition of its own (--names)",
 }
 """What narrows the interval of a parameter; for the others, ``MORE_STROKES``."""
@@ -131,6 +131,7 @@ class IdentifiedParameter:
     value: float | None  # Value in ``unit``; None if the motion does not determine it
     interval: tuple[float, float] | None  # Confidence interval in ``unit``; None without a value or a search for it
     note: str = ""  # Why there is no value, or where a value comes from that was not searched for
+    narrowed_by: str = MORE_STROKES  # What would narrow the interval
 
     @property
     def shown_unit(self) -> str:
@@ -148,7 +149,7 @@ class IdentifiedParameter:
         if self.value is None:
             return f"not determined: {self.note}"
         if self.half_percent is not None and self.half_percent > TOO_WIDE_PERCENT:
-            return f"too wide to use: {NARROWED_BY.get(self.name, MORE_STROKES)}"
+            return f"too wide to use: {self.narrowed_by}"
         return self.note
 
 
@@ -336,7 +337,7 @@ class IdentifiedModel:
             "mean_absolute_error_n": self.found.error_n,
             "error_percent": self.found.error_percent,
             "parameters": {
-                each.name: {k: v for k, v in vars(each).items() if k != "name"}
+                each.name: {k: v for k, v in vars(each).items() if k not in ("name", "narrowed_by")}
                 | {"half_percent": each.half_percent, "note": each.note if each.value is None else each.remark}
                 for each in self.parameters
             },
@@ -386,6 +387,8 @@ def determined(
     why_not = {spec.name: unknown.get(spec.name) or _unknown(spec, found, zeros, oil) for spec in model.searched}
     if why_not["stribeck_velocity_m_s"] and not why_not["stribeck_exponent"]:
         why_not["stribeck_exponent"] = SHAPELESS
+    shifted = zeros.half_n > 0.5 * 0.01 * TOO_WIDE_PERCENT * found.parameters.value("coulomb_n")
+    narrowed_by = NARROWED_BY | (dict.fromkeys(SHIFTED_BY_ZEROS, STATE_ZEROS) if shifted else {})
     parameters = []
     for spec in model.specs:
         if spec.relative_to == "pressure" and not model.pressure_scaled:
@@ -395,7 +398,8 @@ def determined(
         if why := why_not[source]:
             known = None, None, f"follows from {source}, which is not determined" if note else why
         words = spec.meaning if model.pressure_scaled else spec.meaning.replace("at zero gauge", "at the recorded")
-        parameters.append(IdentifiedParameter(spec.name, SYMBOLS[spec.name], spec.unit, words, *known))
+        parameter = IdentifiedParameter(spec.name, SYMBOLS[spec.name], spec.unit, words, *known)
+        parameters.append(replace(parameter, narrowed_by=narrowed_by.get(spec.name, MORE_STROKES)))
     return tuple(parameters)
 
 

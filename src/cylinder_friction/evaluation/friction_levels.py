@@ -29,7 +29,7 @@ LEAST_S, LEAST_CELLS, MOST_ALONE = 1.0, 3, 1.5
 """Least sliding [s] and cells shared with another recording for a difference to be stated, and the limit of how
 unevenly the sliding is spread over the cells."""
 CONFIDENCE = 0.95
-"""Probability that the intervals of all recordings hold if friction is the same in all of them."""
+"""Probability that the interval of a recording holds if its friction is that of the others."""
 FACTORS = {"pressures": ("pressure_bar",), "speed": ("speed_mm_s",), "direction": ("direction",)}
 
 
@@ -185,8 +185,7 @@ class _Cells:
         count = 1.0 / float((weights**2).sum())  # effective number of cells
         half_n = math.inf
         if len(off_n) >= LEAST_CELLS and count > MOST_ALONE:
-            outside = 0.5 * (1.0 - CONFIDENCE) / len(self.of_each)  # each recording may be the one that differs
-            quantile = float(stdtrit(count - 1.0, 1.0 - outside))
+            quantile = float(stdtrit(count - 1.0, 0.5 + 0.5 * CONFIDENCE))
             half_n = quantile * math.sqrt(float(weights @ (np.array(off_n) - total_n) ** 2) / (count - 1.0))
         return Difference(total_n, half_n, sum(own_s))
 
