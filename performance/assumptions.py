@@ -41,7 +41,7 @@ ASSUMPTIONS = {
     "friction follows speed at once": World(options={"ageing": 0.07, "position_step_m": 1e-4}),
     "sensors at the cylinder": World(options={"line_loss_bar": 6.0}),
     "sensors at the cylinder, small loss": World(options={"line_loss_bar": 0.5}),
-    "line loss within the stated 20 %": World(options={"line_loss_bar": 3.0}, line_stated=0.7),
+    "line loss within the stated ± 75 %": World(options={"line_loss_bar": 3.0}, line_stated=0.7),
     "pressures without delay": World(options={"pressure_lag_s": 0.02}),
     "position equally exact throughout": World(noisy_position=True),
     "clock without jitter": World(options={"jitter": 1.0}),

@@ -66,7 +66,9 @@ class World:
     noisy_position: bool = False
     identifies: bool = False  # Whether `identify` reads condition 1 too
     mass_stated: float = 1.0  # Moving mass as stated, over the true one
-    line_stated: float = 0.0  # Loss of the line as stated, with ± 20 %, over the true one; 0 if it is not stated
+    line_stated: float = (
+        0.0  # Loss of the line as stated, with the default uncertainty, over the true one; 0 if it is not stated
+    )
     specimen: str = "wide"  # As in ``CampaignPlan``, or "free of pressure"
 
     @property
@@ -261,6 +263,11 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
         lambda m, made, _: (
             near(float(m[1]), made.grown_n(float(m[2])), 1.25) and made.lost_bar(float(m[2])) <= 1.25 * float(m[3])
         ),
+    ),
+    (
+        "labelling/apparent_loss.py missing_loss",
+        r"what you stated explains ([\d.]+) of about ([\d.]+) bar \(piston side\) at ([\d.]+) m/s",
+        lambda m, made, _: made.world.line_stated < 1.0 and near(float(m[2]), made.lost_bar(float(m[3])), 1.35),
     ),
     (
         "labelling/known_offset.py, value of strokes",

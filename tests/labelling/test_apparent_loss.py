@@ -1,5 +1,6 @@
 """A force that grows with speed far more than friction does is named; what grows of friction itself is not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,10 @@ from scipy.optimize import nnls
 from tests.labelling.test_line_loss import lossy, stated
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.apparent_loss import ApparentLoss, loss_of_labels, not_negative
+from cylinder_friction.labelling.apparent_loss import ApparentLoss, loss_of_labels, missing_loss, not_negative
+from cylinder_friction.labelling.known_offset import offset_evidence
 from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.realtime.trained_for import TrainedFor
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.recording import Recording
@@ -54,3 +57,18 @@ def test_coefficients_that_may_not_be_negative_are_those_of_scipy(seed: int) -> 
     expected = nnls(np.hstack([design, -free]), target)[0]
     expected[:3] -= expected[-3:]
     np.testing.assert_allclose(not_negative(design, target, 3), expected[:-3], atol=1e-9)
+
+
+@pytest.mark.parametrize(("share", "named"), [(1.0, False), (0.7, True)])
+def test_a_stated_loss_that_is_too_small_is_named_with_what_is_missing(
+    share: float, named: bool, labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
+    line = LineLoss(share * 2.0, 0.05)
+    labelled = label([stated(lossy(each), line) for each in labelled_recordings], cylinder)
+    words = missing_loss([offset_evidence(each, cylinder, OffsetPlan(), np.nan, np.nan, "") for each in labelled])
+    found = re.search(r"explains ([\d.]+) of about ([\d.]+) bar \(piston side\) at ([\d.]+) m/s", words)
+    assert (found is not None) == named
+    if found is not None:
+        explained_bar, about_bar, speed_m_s = map(float, found.groups())
+        assert explained_bar == pytest.approx(share * 2.0 * (speed_m_s / 0.05) ** 2, rel=0.1)
+        assert about_bar == pytest.approx(2.0 * (speed_m_s / 0.05) ** 2, rel=0.3)

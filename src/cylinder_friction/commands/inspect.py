@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cylinder_friction.commands.log_options import advice, collect_notes, cylinder_of, units_of
 from cylinder_friction.evaluation.inspection.files import inspect_files
-from cylinder_friction.labelling.apparent_loss import named_loss
+from cylinder_friction.labelling.apparent_loss import missing_loss, named_loss
 from cylinder_friction.labelling.known_offset import known_offsets
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
@@ -62,6 +62,8 @@ def _inspect_files(files: Mapping[str, Path], recipe: Recipe, making: Panes, pag
     report = text_report(subjects, offsets).rstrip("\n")
     if loss is not None:
         report += f"\n\nloss     {loss.sentence(making.labeller.cylinder)}; the ± of means above does not include it"
+    if missing := missing_loss(evidence):
+        report += f"\n\nloss     {missing}"
     return report, any(each.outcome == "refused" for each in subjects)
 
 

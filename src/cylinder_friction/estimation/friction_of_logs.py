@@ -16,7 +16,7 @@ import numpy as np
 from cylinder_friction.estimation.results import FrictionOfRecording, known_number
 from cylinder_friction.evaluation.friction_levels import friction_levels
 from cylinder_friction.execution.workers import LostPiece, Workers
-from cylinder_friction.labelling.apparent_loss import ApparentLoss, named_loss
+from cylinder_friction.labelling.apparent_loss import ApparentLoss, missing_loss, named_loss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence, known_offsets, offset_evidence
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.mass import missing_mass
@@ -280,6 +280,7 @@ class LabelledLogs:
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
         self.loss: ApparentLoss | None = None
+        self.missing_loss = ""
         self.load_uncertainty_n = 0.0
 
     def recordings(self, most_rows: int) -> Iterator[tuple[Recording, str]]:
@@ -297,8 +298,8 @@ class LabelledLogs:
                 yield self.friction.finished(waiting(each.result), offset, self.loss), each.load
 
     def loss_in_words(self) -> str:
-        """Describe the apparent loss; empty if there is none."""
-        return "" if self.loss is None else self.loss.sentence(self.cylinder)
+        """Describe the apparent loss, or what a stated loss does not explain; empty if there is none."""
+        return self.missing_loss if self.loss is None else self.loss.sentence(self.cylinder)
 
     def labelled(
         self, seen: SeenRecordings | None = None, evidence: Sequence[OffsetEvidence] = ()
@@ -320,7 +321,7 @@ class LabelledLogs:
             spread = set(known[:: -(-len(known) // MOST_SEARCHED) or 1])
             every = [*(each for each in evidence if each.session in spread), *shown]
             offsets = known_offsets(every, self.cylinder, PLAN)
-            self.loss = named_loss(every)
+            self.loss, self.missing_loss = named_loss(every), missing_loss(every)
             sessions = {each.session for each in shown}
             self.offsets = {each.session: each for each in offsets if each.session in sessions}
         return labelled

@@ -10,7 +10,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
+from cylinder_friction.labelling.known_offset import OffsetEvidence, highest_speed, offset_evidence
 from cylinder_friction.labelling.robust import robust_fit
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, SlidingBlocks
 from cylinder_friction.recordings.columns import PRESSURES
@@ -20,8 +20,8 @@ from cylinder_friction.wording import four_digits
 LEAST_SHARE = 0.75
 """A force that grows with speed is reported if it exceeds this share of mean friction at the highest speed. The part of
 friction itself that grows stays below. The part that grows with the square of speed is too uncertain to decide by."""
-HIGHEST_SPEED = 0.98
-"""Quantile of the speed of steady sliding that counts as the highest."""
+LEAST_MISSING = 0.25
+"""Share of a stated loss, and of friction, above which what still grows with the square of speed is named."""
 STRIBECK_SPEEDS_M_S = (0.003, 0.006, 0.012, 0.025)
 MOST_SESSIONS = 12
 LEAST_BLOCKS = 30
@@ -69,9 +69,36 @@ def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
     larger than the part of friction that itself grows with speed. In the fit, friction of each condition has Coulomb,
     Stribeck, viscous and pressure-dependent parts, none of them negative, and each session has an offset.
     """
+    loss = _growing([each for each in evidence if not each.lines_stated])
+    return loss if loss and loss.square_n + loss.linear_n > LEAST_SHARE * loss.friction_n else None
+
+
+def missing_loss(evidence: Sequence[OffsetEvidence]) -> str:
+    """Describe by how much the stated losses of lines are too small; empty unless strokes show that clearly.
+
+    What still grows with the square of speed is compared with the stated loss, at the highest speed of sliding.
+    """
+    stated = [each for each in evidence if each.stated_loss_n > 0.0]
+    left = _growing(stated)
+    if left is None:
+        return ""
+    highest_m_s = np.array([highest_speed(np.abs(each.sliding.columns["velocity_m_s"])) for each in stated])
+    own = np.array([(each.stated_loss_n, each.stated_loss_bar) for each in stated])
+    stated_n, bar = np.median(own * (left.speed_m_s / highest_m_s[:, None]) ** 2, axis=0).tolist()
+    if left.square_n < LEAST_MISSING * max(stated_n, left.friction_n):
+        return ""
+    return (
+        f"the stated losses of lines are too small: what you stated explains {bar:.2g} of about "
+        f"{bar * (1.0 + left.square_n / stated_n):.2g} bar (piston side) at {left.speed_m_s:.2g} m/s, if friction does "
+        "not grow with the square of speed; correct sensor.line_loss, or its uncertainty_percent"
+    )
+
+
+def _growing(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
+    """Fit the force that grows with speed: the median over conditions; None with too little sliding."""
     conditions: dict[str, dict[str, list[SlidingBlocks]]] = {}
     for each in evidence:
-        if set(PRESSURES) <= set(each.sliding.columns) and not each.lines_stated:
+        if set(PRESSURES) <= set(each.sliding.columns):
             conditions.setdefault(each.condition, {}).setdefault(each.session, []).append(each.sliding)
     found = []
     for sessions in conditions.values():
@@ -83,8 +110,7 @@ def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
     if not found:
         return None
     square, linear, friction_n, speed = np.median(found, axis=0).tolist()
-    loss = ApparentLoss(square * speed**2, linear * speed, friction_n, speed)
-    return loss if loss.square_n + loss.linear_n > LEAST_SHARE * friction_n else None
+    return ApparentLoss(square * speed**2, linear * speed, friction_n, speed)
 
 
 def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> ApparentLoss | None:
@@ -100,7 +126,7 @@ def _fitted(sessions: Sequence[SlidingBlocks]) -> tuple[float, float, float, flo
     blocks, counts = SlidingBlocks.together(sessions), [len(each.stroke) for each in sessions]
     session = np.repeat(np.arange(len(sessions)), counts)
     direction, speed = blocks.direction, np.abs(blocks.columns["velocity_m_s"])
-    highest = float(np.quantile(speed, HIGHEST_SPEED))
+    highest = highest_speed(speed)
     part = speed / highest
     mean_bar = 0.5e-5 * sum(np.maximum(blocks.columns[name], 0.0) for name in PRESSURES)
     offsets = direction[:, None] * np.eye(len(sessions))[session]

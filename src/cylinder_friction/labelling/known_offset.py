@@ -25,7 +25,9 @@ from cylinder_friction.labelling.sliding_blocks import (
     unstated_zero,
     zero_uncertainty_n,
 )
+from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import ALL_CONDITIONS, COVERAGE_FACTOR, LOAD_FORCE, PRESSURES
+from cylinder_friction.recordings.line_loss import BAR_PA
 from cylinder_friction.recordings.mapping.channel_mapping import EACH_SESSION
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.wording import four_digits
@@ -48,6 +50,8 @@ VENT = (
 )
 RARE = 0.05
 """Probability of larger deviations between sessions, if zeros are as stated, below which their intervals widen."""
+HIGHEST_SPEED = 0.98
+"""Quantile of the speed of steady sliding that counts as the highest."""
 NINE_OF_TEN = 0.64
 """Share of its expanded uncertainty that an error exceeds in one of ten rows, on the side of a constant error."""
 
@@ -65,6 +69,9 @@ class OffsetEvidence:
     uneven: str = ""
     condition: str = ""
     lines_stated: bool = False  # Whether the losses of both lines between sensors and cylinder are stated
+    # What the stated losses take off at the highest speed of steady sliding: force [N], and piston side [bar]
+    stated_loss_n: float = 0.0
+    stated_loss_bar: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -121,8 +128,20 @@ def offset_evidence(
     sliding = replace(sliding_blocks(labelled, cylinder, plan, stated_n or 0.0), session=session)
     why_not = why_not or unstated_zero(labelled, cylinder)
     uneven = "" if why_not else too_uneven(uneven_n, friction_n, sliding.prior_n, plan)
-    lines_stated = set(PRESSURES) <= labelled.metadata.line_loss.keys()
-    return OffsetEvidence(session, stated_n, sliding, why_not, uneven, labelled.metadata.condition, lines_stated)
+    lines = labelled.metadata.line_loss
+    lines_stated = set(PRESSURES) <= lines.keys()
+    evidence = OffsetEvidence(session, stated_n, sliding, why_not, uneven, labelled.metadata.condition, lines_stated)
+    if not lines_stated or not len(sliding.direction):
+        return evidence
+    highest_m_s = highest_speed(np.abs(sliding.columns["velocity_m_s"]))
+    lost_pa = {name: float(lines[name].lost_pa(np.array([highest_m_s]))[0]) for name in PRESSURES}
+    lost_n = sum(lost_pa[name] * abs(area) for name, area in sensitivities(labelled, cylinder).items())
+    return replace(evidence, stated_loss_n=lost_n, stated_loss_bar=lost_pa[PRESSURES[0]] / BAR_PA)
+
+
+def highest_speed(speed_m_s: Array) -> float:
+    """Compute the quantile of the speed of steady sliding that counts as the highest [m/s]."""
+    return float(np.quantile(speed_m_s, HIGHEST_SPEED))
 
 
 def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:

@@ -41,7 +41,7 @@ class LineLoss:
     length_m: float = 0.0  # Length of the hose [m]
     bore_mm: float = 0.0  # Inner diameter of the hose [mm]
     oil_mm2_s: float = 0.0  # Kinematic viscosity of the oil during operation [mm²/s]
-    uncertainty_percent: float = 20.0  # Largest error of the stated loss [± %]
+    uncertainty_percent: float = 75.0  # Largest error of the stated loss [± %]
     area_m2: float = 0.0  # Area of the piston on this side, for the flow in a hose [m²]; set from the cylinder
 
     def __post_init__(self) -> None:
