@@ -42,6 +42,7 @@ ASSUMPTIONS = {
     "sensors at the cylinder": World(options={"line_loss_bar": 6.0}),
     "sensors at the cylinder, small loss": World(options={"line_loss_bar": 0.5}),
     "line loss within the stated ± 75 %": World(options={"line_loss_bar": 3.0}, line_stated=0.7),
+    "cushions seen by the pressure sensors": World(options={"cushions_unseen": True}),
     "pressures without delay": World(options={"pressure_lag_s": 0.02}),
     "position equally exact throughout": World(noisy_position=True),
     "clock without jitter": World(options={"jitter": 1.0}),

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.rig.parameters import SensorParameters
-from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS, as_written, measure, write_logger_csv
+from cylinder_friction.rig.parameters import SensorParameters, default_rig
+from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS, as_written, at_ports, measure, write_logger_csv
 
 SILENT = SensorParameters(
     pressure_noise_pa=0.0, position_noise_m=0.0, backlash_m=0.0, temperature_noise_c=0.0, load_noise_n=0.0
@@ -119,3 +120,15 @@ def test_a_clock_with_jitter_states_when_it_took_each_sample() -> None:
     assert 0.0024 < np.abs(late_s).max() <= 0.0025
     off_mm = (table["Position [mm]"] - 20.0 * table["Time [s]"])[20:]
     assert np.ptp(off_mm) < 1e-3, "the filter's delay alone"
+
+
+def test_transmitters_in_the_ports_do_not_see_what_a_cushion_holds(cylinder: Cylinder) -> None:
+    hydraulics = default_rig(cylinder).hydraulics
+    trace = still().assign(position_m=lambda table: 0.1 - 0.02 * table["time_s"])
+    trace["volume_1_m3"] = hydraulics.piston_area_m2 * trace["position_m"]
+    trace["volume_2_m3"] = -hydraulics.annulus_area_m2 * trace["position_m"]
+    seen, unseen = at_ports(trace, hydraulics), trace["position_m"] < hydraulics.cushion_length_m
+    assert (seen["pressure_1_pa"] < trace["pressure_1_pa"])[unseen].all()
+    assert seen[~unseen].equals(trace[~unseen])
+    assert seen["pressure_2_pa"].equals(trace["pressure_2_pa"])
+    assert seen["pressure_1_pa"].min() >= hydraulics.tank_pressure_pa

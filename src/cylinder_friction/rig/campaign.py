@@ -24,7 +24,7 @@ from cylinder_friction.rig.parameters import (
     default_rig,
     refuse_unknown,
 )
-from cylinder_friction.rig.sensors import measure
+from cylinder_friction.rig.sensors import at_ports, measure
 from cylinder_friction.rig.simulate import balanced_state, simulate
 from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session, draw_wide_rig
 
@@ -169,7 +169,8 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
         # Work goes on between recordings and warms the oil at the same rate.
         warming_c = float(trace["oil_temperature_c"].iloc[-1]) - temperature_c
         temperature_c += warming_c * (1.0 + PAUSE_S / plan.duration_s)
-        logger = measure(rig.sensors, trace, generator, began_s, load_cell=plan.external_load == "varied")
+        seen = at_ports(trace, rig.hydraulics) if plan.cushions_unseen else trace
+        logger = measure(rig.sensors, seen, generator, began_s, load_cell=plan.external_load == "varied")
         known = TRUTH_COLUMNS if load is None else (*TRUTH_COLUMNS, "load_force_n")
         truth = trace[list(known)].iloc[::stride].reset_index(drop=True)
         yield RigRecording(_metadata(plan, rig.cylinder.name, condition, number, take), logger, truth)

@@ -67,6 +67,8 @@ class CampaignPlan:
     # What a recording begins with: ``"work"``; ``"rest"`` of the piston after a stroke that nobody logged, or at an
     # ``"end_stop"`` that the stroke reached
     start: Literal["work", "rest", "end_stop"] = "work"
+    # Whether transmitters are in the ports, where they do not see the pressure that cushions hold in the chambers
+    cushions_unseen: bool = False
     # Largest time by which the logger takes a sample too early or late, as a share of half its sample time
     jitter: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 

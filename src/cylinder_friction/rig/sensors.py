@@ -10,7 +10,7 @@ from numpy.random import Generator
 from scipy import signal
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.rig.parameters import BAR_PA, SensorParameters
+from cylinder_friction.rig.parameters import BAR_PA, HydraulicParameters, SensorParameters
 from cylinder_friction.rig.simulate import whole_steps
 
 LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]", "Oil temperature [degC]")
@@ -75,6 +75,22 @@ def measure(
         seen_n += sensors.load_offset_n + generator.normal(0.0, sensors.load_noise_n, len(time_s))
         columns[LOAD_COLUMN] = _converted(seen_n, sensors.load_span_n, sensors.bits - 1, -sensors.load_span_n)
     return pd.DataFrame(columns)
+
+
+def at_ports(trace: pd.DataFrame, hydraulics: HydraulicParameters) -> pd.DataFrame:
+    """Replace a trace's chamber pressures by those in the ports, behind the cushions that oil leaves through."""
+    step_s = float(trace["time_s"].iloc[1] - trace["time_s"].iloc[0])
+    position_m = trace["position_m"].to_numpy()
+    seen = {}
+    for side, distance_m in (("1", position_m), ("2", hydraulics.stroke_m - position_m)):
+        part = np.clip(distance_m / hydraulics.cushion_length_m, 0.0, 1.0)
+        closing = hydraulics.cushion_open_gain - hydraulics.cushion_closed_gain
+        gain = hydraulics.cushion_closed_gain + closing * part**2
+        out_m3_s = np.maximum(-np.gradient(trace[f"volume_{side}_m3"].to_numpy(), step_s), 0.0) * (part < 1.0)
+        chamber_pa = trace[f"pressure_{side}_pa"].to_numpy()
+        most_pa = np.maximum(chamber_pa - hydraulics.tank_pressure_pa, 0.0)
+        seen[f"pressure_{side}_pa"] = chamber_pa - np.minimum((out_m3_s / gain) ** 2, most_pa)
+    return trace.assign(**seen)
 
 
 def as_written(table: pd.DataFrame) -> pd.DataFrame:
