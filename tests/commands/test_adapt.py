@@ -85,7 +85,7 @@ def test_what_it_exports_takes_the_readings_of_the_sensors(
         write_log(tmp_path / f"logs/{number}.csv", moved, zero_bar=1.3)
     (tmp_path / "mapping.yaml").write_text(yaml.safe_dump({"channels": mapping}), encoding="utf-8")
     assert main(given) == 0
-    lost = "loss of its line (0.5 bar at 0.1 m/s ± 20 %)"
+    lost = "loss of its line (0.5 bar at 0.1 m/s ± 75 %)"
     applied = f"pressure_1_pa = reading - 1.3 bar - {lost}, position_m = -(reading - 0.25 m)"
     assert f"the step makes {applied}" in capsys.readouterr().out
     model = load_estimator(tmp_path / "adapted")
