@@ -44,7 +44,7 @@ def coverage(
 
     Args:
         estimator: Fitted and calibrated estimator.
-        recordings: Held-out recordings with ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` and ``usable``.
+        recordings: Held-out recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
         truth_n: True friction [N] by recording name, as far as it is known.
         event_window_s: Rows within this time of a start, stop or reversal count as near it [s].
     """
@@ -78,7 +78,7 @@ def _rows(
         "condition": recording.metadata.condition,
         "session": recording.metadata.session,
         "speed": np.abs(velocity_m_s),
-        "acceleration": np.abs(recording.column("acceleration_m_s2")),
+        "acceleration": np.abs(np.gradient(velocity_m_s, recording.sample_time_s)),
         "motion": np.where(near, NEAR, "elsewhere"),
         "label": held(recording.column("friction_n")),
         "truth": held(truth_n[recording.name]) if recording.name in truth_n else unknown,
