@@ -131,7 +131,7 @@ def _few(sessions: Sequence[Mapping[str, Any]]) -> str:
     if not 0 < count < ENOUGH_SESSIONS:
         return ""
     words = counted(count, "calibration session")
-    return f". They rest on {words}, and are wider for it (Student's t): sessions differ"
+    return f". They rest on {words}, and are wider for it (Student's t)"
 
 
 def _write(
