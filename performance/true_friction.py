@@ -22,9 +22,11 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.evaluation.coverage import NEAR
 from cylinder_friction.evaluation.truth import known_truth
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import ROLES
 from cylinder_friction.recordings.storage import read_stored
@@ -115,12 +117,13 @@ def near_event_rows(recording: Recording) -> Mask:
 
 def bounds_line(run: Path) -> str:
     """Return what the bounds of a finished run hold of true friction and how wide they are, as text."""
-    coverage = read_json(run / "reports/coverage.json")
-    (held,) = (each for each in coverage if (each["reference"], each["condition"]) == ("truth", "all"))
+    truth = [each for each in read_json(run / "reports/coverage.json") if each["reference"] == "truth"]
+    (every,) = (each for each in truth if (each["by"], each["group"]) == ("condition", ALL_CONDITIONS))
+    near = next((each["held_percent"] for each in truth if each["group"] == NEAR), float("nan"))
+    worst = min(each["held_percent"] for each in truth if each["by"] == "session")
     return (
-        f"bounds hold {held['held_percent']:.1f} % of true friction, near events "
-        f"{held['held_near_events_percent']:.1f} %, worst session {held['worst_session_percent']:.1f} %, mean width "
-        f"{held['mean_width_n']:.1f} N"
+        f"bounds hold {every['held_percent']:.1f} % of true friction, near events {near:.1f} %, "
+        f"worst session {worst:.1f} %, mean width {every['mean_width_n']:.1f} N"
     )
 
 

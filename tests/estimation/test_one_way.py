@@ -13,7 +13,7 @@ TRACED = Path(__file__).parents[1] / "traced_estimate.py"
 CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6.0"
 NAMES = {"t": "Time [s]", "p1": "P_A [bar]", "p2": "P_B [bar]", "x": "Position [mm]"}
 COUNTED = ("modules", "opened", "parsed")
-OPENED, PARSED, MODULES = 3, 1, 51
+OPENED, PARSED, MODULES = 3, 1, 52
 
 
 def test_a_log_is_read_once_and_straight_through(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -64,9 +64,9 @@ def test_the_mean_of_a_condition_may_be_an_asymmetry_of_its_own(cylinder: Cylind
         replace(each, metadata=replace(each.metadata, condition=str(number % 3))) for number, each in enumerate(alike)
     ]
     for one, own in zip(known(alike, cylinder, filters), known(differ, cylinder, filters), strict=True):
-        assert one.offset_n == own.offset_n
+        assert abs(own.offset_n - one.offset_n) < own.uncertainty_n - one.uncertainty_n
         assert 1.1 * one.uncertainty_n < own.uncertainty_n < own.stated_n
-        assert own.words.startswith(f"{one.words}, and ± ")
+        assert "if friction is as asymmetric in each of a condition" in own.words
 
 
 def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
