@@ -106,7 +106,8 @@ def test_a_command_names_the_extra_it_needs(tmp_path: Path) -> None:
     (tmp_path / "params.yaml").write_bytes((PROJECT / "params.yaml").read_bytes())
     done = without_extras(tmp_path, f"for command in {[*NEEDED]}: assert main(command.split()) == 1, command")
     assert done.returncode == 0, done.stderr
-    messages = done.stderr.splitlines()
+    starts = "which can take a minute"  # of a server
+    messages = [line for line in done.stderr.splitlines() if not line.endswith(starts)]
     assert [message.rpartition("; ")[2] for message in messages] == [
         f'pip install "cylinder-friction[{extra}]"' for extra in NEEDED.values()
     ]
