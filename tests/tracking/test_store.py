@@ -95,7 +95,7 @@ def test_what_only_reads_makes_no_store_and_fills_no_empty_file(
     assert main(command) == 1
     error = capfd.readouterr().err
     assert "mlflow.db: there is no such store, or an empty file; run `dvc repro`, or `cylinder-friction track`" in error
-    assert error.count("\n") == 1
+    assert error.count("\n") == 1 + (command[0] in ("serve", "ui"))  # which say first that they start
     filled = {path.name: path.stat().st_size > 0 for path in tmp_path.iterdir()}
     assert filled == {name: name == "params.yaml" for name in files}
 
