@@ -44,7 +44,10 @@ def drawing() -> str:
     lines = ["```text"]
     for number, row in enumerate(layers()):
         lines.append(f"{'┌' if number == 0 else '├'}{'─' * WIDTH}{'┐' if number == 0 else '┤'}")
-        lines += [f"│ {name:<{name_width}}{purpose(name):<{WIDTH - name_width - 2}} │" for name in row]
+        for name in row:
+            words, room = purpose(name), WIDTH - name_width - 2
+            words = words if len(words) <= room else words.partition(". ")[0]  # its first sentence
+            lines.append(f"│ {name:<{name_width}}{words:<{room}} │")
     lines += [f"└{'─' * WIDTH}┘", "```", ""]
     return "\n".join(lines)
 

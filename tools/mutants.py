@@ -145,8 +145,8 @@ MUTANTS = (
     Mutant(
         "sign of the bristles' rate",
         "friction_models/lugre.py",
-        "rate = (after - bristle) / sample_time",
-        "rate = (bristle - after) / sample_time",
+        "stiffness * deflection + damping_per_step[row] * change",
+        "stiffness * deflection - damping_per_step[row] * change",
         ("friction_models", "contracts/test_friction_models.py"),
     ),
     # Training and choosing
